@@ -17,6 +17,8 @@ contid imports no extra: the metadata of a distribution names what it adds, and 
 | ``contid.solvers`` | by `RobotDescription.kinematics`, a class of models of a description |
 | ``contid.clearance`` | ``bodies``: a class of `contid.control.engine.stages.BodyClearance` of a file |
 | ``contid.library`` | names of ``contid`` and its client beside those of the core: ``Sim`` and others |
+| ``contid.contacts`` | ``stage`` and ``squeeze``: the class and the object of the extra `contact`, see its page |
+| ``contid.recordings`` | what `contid.session` has of the extra `sessions`: ``compact``, ``data_frame``, ``plot``, ... |
 | ``contid.addresses`` | a function from a text ``NAME:...`` to a `contid.remote.client.wires.Address` |
 
 Drivers (``contid.drivers``), bodies of simulated robots (``contid.bodies``), models
@@ -40,6 +42,8 @@ MODES: Final = "contid.modes"
 WORKSPACES: Final = "contid.workspaces"
 ADDRESSES: Final = "contid.addresses"
 LIBRARY: Final = "contid.library"
+RECORDINGS: Final = "contid.recordings"
+CONTACTS: Final = "contid.contacts"
 CHAINS: Final = "contid.chains"
 SOLVERS: Final = "contid.solvers"
 CLEARANCE: Final = "contid.clearance"

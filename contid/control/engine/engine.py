@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from contid.control.engine.chains import ArmsTogether, ChainGuards
-from contid.control.engine.contact_stage import ContactStage
 from contid.control.engine.cycle import OnEnd, Sink, Timing
 from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.exchange import Exchange
@@ -19,7 +18,14 @@ from contid.control.engine.pack_record import RecordPacker
 from contid.control.engine.ports import BusPort
 from contid.control.engine.robots import Order, Robots
 from contid.control.engine.sources import Live, Timed
-from contid.control.engine.stages import BodyClearance, EngineParts, TickStage, stages_of_extras, with_method
+from contid.control.engine.stages import (
+    BodyClearance,
+    EngineParts,
+    ReactsToContacts,
+    TickStage,
+    stages_of_extras,
+    with_method,
+)
 from contid.control.engine.stall_watch import StallWatch
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.engine.tick_costs import TickCosts, UnansweredError
@@ -32,6 +38,7 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.robot_tick import TickResult, stop_without_model, tick, tick_again
 from contid.control.tick.supervisor import Mode
+from contid.entry_points import CONTACTS, required
 from contid.targets import Target
 from contid.trajectory.timed import Trajectory
 
@@ -87,9 +94,10 @@ class Engine:
         self.selector = TargetSelector(
             self.robots, together, rate_hz, sink, trajectory=trajectory, on_end=on_end, attended=attended
         )
-        contacts = None
+        contacts: ReactsToContacts | None = None
         if any(config.contact is not None for config in configs):
-            contacts = ContactStage(self.robots, self.exchange, together, sink)
+            build = required(CONTACTS, "stage", "the key `sense.contact` of a robot", "contact")
+            contacts = build(self.robots, self.exchange, together, sink)
         react, selector = None if contacts is None else contacts.react, self.selector
         parts = EngineParts(
             self.robots, self.exchange, react, sink, lambda: isinstance(selector.source, Timed)

@@ -79,6 +79,21 @@ class React(Protocol):
         """
 
 
+class ReactsToContacts(TickStage):
+    """The stage of the robots that look for contacts.
+
+    Attributes:
+        going_back: targets of the robots on their way back by their index, None while they brake. A robot is
+            in it from a contact until it is back; only then the end of its goto is reported.
+    """
+
+    going_back: Mapping[int, Target | None]
+
+    def react(self, index: int, found_s: float, what: str, now_s: float) -> None:
+        """See `React`."""
+        raise NotImplementedError
+
+
 @dataclass(frozen=True, slots=True)
 class EngineParts:
     """What a stage of an extra may use of the engine.

@@ -5,10 +5,10 @@ from __future__ import annotations
 import enum
 from typing import Final, TypeAlias
 
-from contid.control.tick.contact.squeeze_way import Squeeze
 from contid.control.tick.faults import Fault
 from contid.control.tick.play import NO_LEAD, Lead
 from contid.control.tick.shaping import NOT_SHAPED, Shaped
+from contid.control.tick.squeezing import Squeeze
 from contid.control.tick.supervisor import Mode
 from contid.control.tick.tip_feedback import Correction
 from contid.errors import ContidError

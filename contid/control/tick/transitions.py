@@ -21,9 +21,8 @@ from typing import Final
 
 from contid.control.tick.axis_motions import braking, braking_at_once, motion_to, outside, planned, rates
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.contact.squeeze import why_not
-from contid.control.tick.contact.squeeze_way import Squeeze
 from contid.control.tick.faults import WITHOUT_MODEL, Fault
+from contid.control.tick.squeezing import Squeeze
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
 from contid.control.tick.supervisor import (
     ARMED,
@@ -159,7 +158,11 @@ def _require_squeezable(config: RobotConfig, state: RobotState, target: Target) 
     """Refuse a move until a force that cannot be measured or begin here."""
     if state.squeeze is not None and state.squeeze.reached:
         raise OrderRefusedError(f"{config.name}: it holds an object; move back from it first")
-    if why := why_not(config, state.command, config.frame.target_in_base(target)):
+    if config.squeezes is None:
+        why = "no force follows from its currents without sense.nm_per_a in the robot file"
+    else:
+        why = config.squeezes.why_not(config, state.command, config.frame.target_in_base(target))
+    if why:
         raise OrderRefusedError(f"{config.name}: {why}")
 
 

@@ -42,6 +42,7 @@ PACKAGES: Final = (
         "contid",
         "contid_drivers",
         "contid_clearance",
+        "contid_contact",
         "contid_dynamics",
         "contid_fit",
         "contid_fleet",

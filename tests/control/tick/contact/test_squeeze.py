@@ -9,11 +9,12 @@ import pytest
 
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.contact.squeeze import _held, _touching, next_squeeze, why_not
-from contid.control.tick.contact.squeeze_force import CLOSING_M_S
-from contid.control.tick.contact.squeeze_way import Squeeze, SqueezeEnd, greatest_rate, tip_travel_m
+from contid.control.tick.squeezing import Squeeze, SqueezeEnd
 from contid.hal import Sample
 from contid.targets import Target
+from contid_contact.squeeze import _held, _touching, next_squeeze, why_not
+from contid_contact.squeeze_force import CLOSING_M_S
+from contid_contact.squeeze_way import greatest_rate, tip_travel_m
 from tests.sense.squeeze_runs import RATE_HZ, hand
 
 START, WAY = (0.060, 0.058), (0.010, -0.006)

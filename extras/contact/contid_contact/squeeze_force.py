@@ -15,16 +15,8 @@ from dataclasses import replace
 from typing import Final
 
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.contact.squeeze_way import (
-    STEP,
-    Squeeze,
-    SqueezeEnd,
-    SqueezeReport,
-    actuation_at,
-    device_turns,
-    greatest_rate,
-    moved,
-)
+from contid.control.tick.squeezing import Squeeze, SqueezeEnd, SqueezeReport, actuation_at
+from contid_contact.squeeze_way import STEP, device_turns, greatest_rate, moved
 
 #: Speed of the tip on the free way, and greatest one on its way back [m/s].
 CLOSING_M_S: Final = 0.005

@@ -19,9 +19,9 @@ from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
 from contid.errors import SessionError
 from contid.kinematics.array import Array
-from contid.session.export.columns import RecordedTicks
 from contid.targets import Actuation, Vec3
 from contid.units import MM_PER_M
+from contid_sessions.columns import RecordedTicks
 
 _TIP: Final = ("x_mm", "y_mm", "z_mm")
 _NO_TIP: Final = (math.nan, math.nan, math.nan)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from contid.errors import MissingExtraError
-from contid.session.export.columns import RecordedTicks
-from contid.session.export.table import TickTable
+from contid_sessions.columns import RecordedTicks
+from contid_sessions.table import TickTable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

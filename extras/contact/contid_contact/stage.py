@@ -12,16 +12,16 @@ from contid.control.engine.cycle import Sink, Timing
 from contid.control.engine.events.robots import ContactBegan, OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.robots import Order, Robots
-from contid.control.engine.stages import Targets, TickStage
+from contid.control.engine.stages import ReactsToContacts, Targets
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.contact.current_contact import CurrentContact
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
 from contid.hal import Sample
 from contid.robot_file.base import ContactPolicy
 from contid.targets import Actuation, Target
+from contid_contact.current_contact import CurrentContact
 
 #: A robot goes back to the command that it had this long before the measurement that showed a contact.
 RETREAT_S: Final = 0.5
@@ -33,7 +33,7 @@ _STEP: Final = 1e-5
 _REACTING: Final = (Mode.RUN, Mode.APPROACH, Mode.HOLD)
 
 
-class ContactStage(TickStage):
+class ContactStage(ReactsToContacts):
     """The robots that look for contacts: their currents, and the reactions to every contact.
 
     Args:
@@ -41,10 +41,6 @@ class ContactStage(TickStage):
         exchange: with their devices.
         chains: the closed chains among them.
         sink: of the events.
-
-    Attributes:
-        going_back: targets of the robots on their way back by their index, None while they brake. A robot is
-            in it from a contact until it is back; only then the end of its goto is reported.
     """
 
     def __init__(self, robots: Robots, exchange: Exchange, chains: ArmsTogether, sink: Sink) -> None:

@@ -12,10 +12,10 @@ from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.events import RunEvent
 from contid.control.process.setup import RunSetup
 from contid.robot_file.load import LoadedFile
-from contid.session.compact import compact
 from contid.session.format import mcap_records as mcap
 from contid.session.format.metadata import describe
 from contid.session.write import SessionWriter
+from contid_sessions.compact import compact
 
 _HOUR_S: Final = 3600.0
 

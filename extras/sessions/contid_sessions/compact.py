@@ -1,7 +1,7 @@
 """Compaction of a session: compressed chunks, an index, statistics, and the channel of measured tips.
 
 Message records are copied as bytes; only their heads are decoded, and what the channel `measured` is computed
-from (`contid.session.measured_channel`). The new file replaces the old one in one step, so that a readable
+from (`contid_sessions.measured_channel`). The new file replaces the old one in one step, so that a readable
 session exists at every instant.
 
 A repair is such a copy: a truncated session gets an end and an index, a damaged one a copy of its valid part.
@@ -18,11 +18,11 @@ from contid.errors import SessionError
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import TICK_CHANNELS
 from contid.session.format.entries import DAMAGED, GROWING
-from contid.session.format.indexed_writer import IndexedWriter
 from contid.session.format.record_stream import RecordStream
-from contid.session.measured_channel import MeasuredChannel, ModelFailedError
 from contid.session.write import PRIVATE, exists_error
 from contid.whole_file import replacing
+from contid_sessions.indexed_writer import IndexedWriter
+from contid_sessions.measured_channel import MeasuredChannel, ModelFailedError
 
 log = logging.getLogger(__name__)
 

@@ -17,10 +17,10 @@ from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import SKIPPED, TICK
 from contid.errors import MissingExtraError
 from contid.kinematics.array import Array
-from contid.session.export.columns import TIMES, Column, RecordedTicks, channel_columns
-from contid.session.export.measured import measured_block, measured_robots
 from contid.session.format.channels import MEASURED, TICK_CHANNELS
 from contid.session.format.entries import Entry
+from contid_sessions.columns import TIMES, Column, RecordedTicks, channel_columns
+from contid_sessions.measured import measured_block, measured_robots
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -29,8 +29,8 @@ from contid.session.format.mcap_records import MESSAGE_INSIDE
 from contid.session.format.record_stream import RecordStream
 
 if TYPE_CHECKING:
-    from contid.session.export.measured import MeasuredRobot
     from contid.session.read import Session
+    from contid_sessions.measured import MeasuredRobot
 
 #: Channels that it is computed from.
 _SOURCES: Final = ("target", "sample")
@@ -78,8 +78,8 @@ class MeasuredChannel:
             ModelFailedError: its models cannot be built.
         """
         # Here: the models are loaded when a recording has ended, not when it begins.
-        from contid.session.export.measured import measured_robots
         from contid.session.read import Session
+        from contid_sessions.measured import measured_robots
 
         try:
             session = Session(path)

@@ -18,10 +18,11 @@ from dataclasses import replace
 from typing import Final
 
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.contact.squeeze_force import CLOSING_M_S, FREE_S, SETTLE_S, fitting_n, measure_free
-from contid.control.tick.contact.squeeze_way import Squeeze, SqueezeEnd, SqueezeReport, moved, tip_travel_m
+from contid.control.tick.squeezing import Squeeze, SqueezeEnd, SqueezeReport
 from contid.hal import Sample
 from contid.targets import Actuation, Target
+from contid_contact.squeeze_force import CLOSING_M_S, FREE_S, SETTLE_S, fitting_n, measure_free
+from contid_contact.squeeze_way import moved, tip_travel_m
 
 #: Shortest way of the tip to its target: on its free part friction is measured, the rest lies in the object.
 MIN_WAY_M: Final = 0.003
@@ -44,8 +45,6 @@ _THERE_M: Final = 2e-5
 
 def why_not(config: RobotConfig, start: Actuation, target_in_base: Target) -> str:
     """Why a tip cannot close on an object at a target until a force; "" where it can."""
-    if not config.nm_per_a:
-        return "no force follows from its currents without sense.nm_per_a in the robot file"
     goal = config.model.inverse(target_in_base, start).actuation
     ends = [config.model.forward(at).tip_m for at in (start, goal)]
     if math.dist(*ends) < MIN_WAY_M:
