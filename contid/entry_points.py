@@ -6,7 +6,7 @@ contid imports no extra: the metadata of a distribution names what it adds, and 
 |---|---|
 | ``contid.commands`` | a table of commands, see `contid.cli.support.table` |
 | ``contid.observers`` | options of `contid run`: `contid.cli.support.added_options.RunOption` |
-| ``contid.exports`` | an option of `contid session export`: `contid.cli.support.added_options.ExportOption` |
+| ``contid.exports`` | an option of `contid session export`: `contid_sessions.export_command.ExportOption` |
 | ``contid.modes`` | options of `contid modes`, with ``options`` and ``write`` as an export has them |
 | ``contid.checks`` | what `contid check` prints of the tip feedback of a robot: a function to a sentence |
 | ``contid.goals`` | options of `contid move`: `contid.cli.support.added_options.GoalOption` |
@@ -17,8 +17,8 @@ contid imports no extra: the metadata of a distribution names what it adds, and 
 | ``contid.solvers`` | by `RobotDescription.kinematics`, a class of models of a description |
 | ``contid.clearance`` | ``bodies``: a class of `contid.control.engine.stages.BodyClearance` of a file |
 | ``contid.library`` | names of ``contid`` and its client beside those of the core: ``Sim`` and others |
-| ``contid.contacts`` | ``stage`` and ``squeeze``: the class and the object of the extra `contact`, see its page |
-| ``contid.recordings`` | what `contid.session` has of the extra `sessions`: ``compact``, ``data_frame``, ``plot``, ... |
+| ``contid.contacts`` | ``stage`` and ``squeeze`` of the extra `contact`, see its page |
+| ``contid.recordings`` | ``compact``, ``data_frame`` and others of the extra `sessions`, see its page |
 | ``contid.addresses`` | a function from a text ``NAME:...`` to a `contid.remote.client.wires.Address` |
 
 Drivers (``contid.drivers``), bodies of simulated robots (``contid.bodies``), models

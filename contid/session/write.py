@@ -52,18 +52,6 @@ def exists_error(path: Path) -> ContidError:
     return ContidError(f"{path}: file exists; recordings are never overwritten")
 
 
-def refuse_recording(path: Path) -> None:
-    """Recordings are never overwritten, by exports neither.
-
-    Raises:
-        ContidError: the file is a recording.
-    """
-    if path.is_file():
-        with path.open("rb") as file:
-            if file.read(len(mcap.MAGIC)) == mcap.MAGIC:
-                raise exists_error(path)
-
-
 class SessionWriter:
     """Writes one session; a `contid.control.engine.cycle.Sink` of a run in virtual time."""
 

@@ -21,9 +21,10 @@ from contid.session.format.channels import (
     SI,
     TICK_CHANNELS,
     Field,
+    add_key,
+    empty_schema,
     fields,
     key_of,
-    measured_schema,
 )
 from contid.session.format.mcap_records import MESSAGE_INSIDE
 from contid.session.format.record_stream import RecordStream
@@ -158,3 +159,19 @@ def _first_topics(path: Path) -> set[str]:
 
 def _rounded(value: float) -> float:
     return float(format(value, _DIGITS))
+
+
+def measured_schema(keys: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+    """JSON Schema of the channel `MEASURED`: keys of the axes by robot, and its tip."""
+    root: dict[str, Any] = {"title": f"contid.{MEASURED}", **empty_schema()}
+    add_key(root, "tick", {"type": "integer", "description": "number of the tick"}, required=True)
+    robots = add_key(root, "robots", empty_schema(), required=True)
+    for name, axes in keys.items():
+        robot = add_key(robots, name, empty_schema(), required=True)
+        for key in axes:
+            about = {"type": "number", "description": "measured actuation, by the transmission"}
+            add_key(robot, key, about, required=False)
+        meaning = "tip of the model at the measured actuation, with the known load, in the world frame"
+        tip = {"type": "array", "description": meaning, "items": {"type": "number"}}
+        add_key(robot, "tip_m", {**tip, "minItems": 3, "maxItems": 3}, required=False)
+    return root

@@ -52,11 +52,10 @@ def command(
     independent of the model. Rows are counted from 1.
     """
     from contid.cli.support.rows import located_at, open_rows, read_rows
-    from contid.robot_file.chain import Chain
     from contid.robot_file.load import load_named
     from contid.units import MM_PER_M
     from contid_ropes.body_shape import of_rope
-    from contid_ropes.chain import ChainGuard
+    from contid_ropes.file_chains import FileChains
 
     length_m = None
     if lengths_mm is not None:
@@ -65,8 +64,7 @@ def command(
         length_m = sum(lengths_mm) / MM_PER_M
     loaded = load_named(robot_file)
     shaper = _by_pose(loaded, points, length_m) if from_poses else _by_model(loaded, points)
-    robots = loaded.file.robots.items()
-    guards = [ChainGuard(name, robot) for name, robot in robots if isinstance(robot, Chain)]
+    guards = FileChains(loaded).guards
     with open_rows(rows) as source:
 
         def shapes() -> Iterator[ShapeRow]:

@@ -21,7 +21,6 @@ from contid.control.engine.events.buses import BusAnswered, BusStalled, DeviceFa
 from contid.control.engine.events.json_form import to_json
 from contid.control.engine.events.robots import OrderGiven, RobotOverran
 from contid.control.engine.messages import Play
-from contid.control.engine.order_events import answer_of, order_of
 from contid.control.engine.tick_costs import UnansweredError
 from contid.control.engine.tick_layout import DEADLINE, LATENESS, SKIPPED, TICK
 from contid.control.engine.wiring import build_robot_configs, chains_of, clearance_of
@@ -34,6 +33,7 @@ from contid.session.read import Session
 from contid.trajectory.timed import Trajectory
 from contid_sessions.replay.compare import Comparison, Divergence
 from contid_sessions.replay.differences import refuse_other_robots
+from contid_sessions.replay.recorded_orders import answer_of, order_of
 from contid_sessions.replay.recorded_port import RecordedPort, RecordedTick, records_between, slots_of
 
 #: Events that a replay needs besides the records.

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import random
 from collections import deque
-from collections.abc import Sequence
-from typing import Any, Final, Protocol
+from typing import Any, Protocol
 
 from contid import entry_points
 from contid.hal import TipMeasured
@@ -17,24 +16,7 @@ from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rack_finger import RackFinger
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.units import MM_PER_M
-
-#: Group of entry points of bodies.
-BODIES: Final = "contid.bodies"
-
-
-class LoadedShafts(Protocol):
-    """A body whose shafts yield to what pushes on it.
-
-    Attributes:
-        axes: names of its axes on the bus.
-        noise_a: standard deviation of a measured current [A].
-    """
-
-    axes: list[str]
-    noise_a: float
-
-    def settle(self, free_rad: list[float], t_s: float) -> Sequence[tuple[float, float]]:
-        """Angle [rad] and current [A] of every shaft, from the angles of the servos without a load."""
+from contid_drivers.sim.bodies import BODIES, LoadedShafts
 
 
 class SimulatedMotion(Protocol):

@@ -50,24 +50,24 @@ class Damage:
         return self.seen
 
 
-def refuse_unit(fault: ScheduledFault, device: SimDevice) -> None:
-    """Refuse a size in degrees for a pressure, and one in bar for an angle.
-
-    Raises:
-        DeviceError: it is one.
-    """
-    regulator = device.kind is DeviceKind.REGULATOR
-    if fault.by_deg if regulator else fault.by_bar:
-        own, other = ("by_bar", "by_deg") if regulator else ("by_deg", "by_bar")
-        message = f"a {fault.kind.value} of a {device.kind.value} has {own}, not {other}"
-        raise DeviceError(fault.axis or "", message)
-
-
 class BodyFaults:
     """The mechanical faults that are on, by axis and kind."""
 
     def __init__(self) -> None:
         self._on: dict[str, dict[FaultKind, Damage]] = {}
+
+    @staticmethod
+    def refuse_unit(fault: ScheduledFault, device: SimDevice) -> None:
+        """Refuse a size in degrees for a pressure, and one in bar for an angle.
+
+        Raises:
+            DeviceError: it is one.
+        """
+        regulator = device.kind is DeviceKind.REGULATOR
+        if fault.by_deg if regulator else fault.by_bar:
+            own, other = ("by_bar", "by_deg") if regulator else ("by_deg", "by_bar")
+            message = f"a {fault.kind.value} of a {device.kind.value} has {own}, not {other}"
+            raise DeviceError(fault.axis or "", message)
 
     def switch(self, fault: ScheduledFault, on: bool, device: SimDevice, now_s: float) -> None:
         """Begin or end a fault of an axis."""
