@@ -28,6 +28,7 @@ Drivers (``contid.drivers``), bodies of simulated robots (``contid.bodies``), mo
 
 from __future__ import annotations
 
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final
 
@@ -65,8 +66,9 @@ def load_one(group: str, name: str) -> Any | None:
     return None
 
 
+@cache
 def required(group: str, name: str, what: str, extra: str) -> Any:
-    """The object of one name.
+    """The object of one name; looked up once, because that reads the metadata of every distribution.
 
     Args:
         group: of entry points.

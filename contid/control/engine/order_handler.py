@@ -15,7 +15,7 @@ from contid.control.engine.order_events import order_event, rows_event
 from contid.control.engine.robots import Order, Robots, Stopping
 from contid.control.engine.stages import TickStage, with_method
 from contid.control.engine.target_selector import TargetSelector
-from contid.control.tick import transitions
+from contid.control.tick import fault_exits, transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import stronger
@@ -151,9 +151,9 @@ class OrderHandler:
             case msg.Grip(share, who):
                 self._limit_effort(who, share, tick_number)
             case msg.ClearFault(who):
-                robots.order(who, transitions.ask_clear, now_s)
+                robots.order(who, fault_exits.ask_clear, now_s)
             case msg.Recover(who):
-                robots.order(who, transitions.recover, now_s)
+                robots.order(who, fault_exits.recover, now_s)
             case msg.Finish(policy, reason):
                 selector.finish(policy, reason, now_s)
 
@@ -162,7 +162,7 @@ class OrderHandler:
         for index, (config, state) in enumerate(zip(self._robots.configs, self._robots.states, strict=True)):
             if who is not None and config.name not in who:
                 continue
-            asked, owed = order.policy_of(config), self._exchange.owed(index)
+            asked, owed = order.policy_of(config), self._exchange.requests.owed(index)
             policy, how = state.policy, "goes on"
             if owed is not None and stronger(owed, policy) is not policy:
                 policy, how = owed, "is sent to its devices when their bus is back"

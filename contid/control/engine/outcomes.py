@@ -80,7 +80,7 @@ class Outcomes:
         retreating = index in self._going_back
         state = outcome.state
         if state.pending:
-            state = self._exchange.ask(index, state)
+            state = self._exchange.requests.ask(index, state)
         if outcome.squeezed is not None:
             self._sink.event(_squeeze_event(config, number, outcome.squeezed))
         if going is not None and state.goto is None and not recovered:

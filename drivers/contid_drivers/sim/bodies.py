@@ -29,7 +29,7 @@ class LoadedShafts(Protocol):
         """Angle [rad] and current [A] of every shaft, from the angles of the servos without a load."""
 
 
-class TrackedBody(Protocol):
+class TracksTip(Protocol):
     """A body whose tip a simulated tracker measures; the first method is that of the body alone.
 
     Attributes:
@@ -50,7 +50,7 @@ class TrackedBody(Protocol):
         """Measurements whose latency is over."""
 
 
-class BodyFaults(Protocol):
+class DamagesBodies(Protocol):
     """The mechanical faults that are on, by axis and kind."""
 
     def refuse_unit(self, fault: ScheduledFault, device: SimDevice) -> None:
@@ -72,15 +72,15 @@ def shafts(robot: str, description: Any) -> LoadedShafts:
     return found
 
 
-def tracked(robot: str, description: Any) -> TrackedBody:
+def tracked(robot: str, description: Any) -> TracksTip:
     """The body of a simulated robot, and its tracker."""
-    found: TrackedBody = _extra("tracked", f"{robot}: its key `sim`")(robot, description)
+    found: TracksTip = _extra("tracked", f"{robot}: its key `sim`")(robot, description)
     return found
 
 
-def body_faults(bus: str) -> BodyFaults:
+def body_faults(bus: str) -> DamagesBodies:
     """No fault yet."""
-    found: BodyFaults = _extra("faults", f"{bus}: its mechanical faults")()
+    found: DamagesBodies = _extra("faults", f"{bus}: its mechanical faults")()
     return found
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from contid.errors import ContidError, DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import AxisOnBus, Clock, DeviceKind, Rest, Sample, TipMeasured
 from contid.robot_file.rack_finger import RackFinger
-from contid_drivers.sim.bodies import BodyFaults, LoadedShafts, TrackedBody, body_faults, shafts, tracked
+from contid_drivers.sim.bodies import DamagesBodies, LoadedShafts, TracksTip, body_faults, shafts, tracked
 from contid_drivers.sim.devices import SimDevice
 from contid_drivers.sim.faults import Switches, append_event
 from contid_drivers.sim.options import MECHANICAL, FaultKind, SimAxisOptions, SimBusOptions
@@ -34,7 +34,7 @@ class SimBus:
         self._watchdog_s = options.watchdog_ms / 1e3
         self.switches = Switches()
         #: The mechanical faults that are on; None before the first one.
-        self._body_faults: BodyFaults | None = None
+        self._body_faults: DamagesBodies | None = None
         #: When `open` was called first; times of the robot file count from it.
         self._opened_s: float | None = None
         self._open = False
@@ -42,7 +42,7 @@ class SimBus:
         self._enabled: set[str] = set()
         self._missed: dict[str, Rest] = {}  # rests of axes that did not answer
         self._samples: dict[str, Sample] = {}
-        self.arms: list[TrackedBody] = []
+        self.arms: list[TracksTip] = []
         self.fingers: list[LoadedShafts] = []
         now = clock.now()
         self.devices = {axis.name: _device(name, options, axis, now) for axis in axes}
@@ -189,7 +189,7 @@ class SimBus:
         now = self._clock.now()
         return [tip for arm in self.arms for tip in arm.take_arrived(now)]
 
-    def _faults_of_bodies(self) -> BodyFaults:
+    def _faults_of_bodies(self) -> DamagesBodies:
         if self._body_faults is None:
             self._body_faults = body_faults(self.name)
         return self._body_faults

@@ -1,8 +1,8 @@
 """The way to an answer that the axes cannot reach in one tick: on a line of the tip, or of the axes.
 
-Axes and their steps are in m, Pa or rad. The tip goes along a line (`contid.control.tick.chord`) as far as
-the model has answers on it; then the axes go on a straight line to the answer, which is free, because limits
-of the model, such as a bend radius, are convex. The next step is the first that exists of:
+Axes and their steps are in m, Pa or rad. The tip goes along a line (`contid.control.tick.ways.chord`) as far
+as the model has answers on it; then the axes go on a straight line to the answer, which is free, because
+limits of the model, such as a bend radius, are convex. The next step is the first that exists of:
 
 1. to the answer of the model to the next point of the line of the tip, if the axes can stop after it;
 2. along the line of the tip, if that does not leave the line at the end of an axis, with the same condition;
@@ -24,9 +24,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from contid.control.tick.chord import StraightLine
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.joint_steps import (
+from contid.control.tick.limits import brake_step
+from contid.control.tick.tip_task import between, displacement_of, jacobian_of, shifted, task_of, turned
+from contid.control.tick.ways.chord import StraightLine
+from contid.control.tick.ways.joint_steps import (
     ROUNDING,
     braked,
     feasible_part,
@@ -35,9 +37,7 @@ from contid.control.tick.joint_steps import (
     unbounded_steps,
     within,
 )
-from contid.control.tick.limits import brake_step
-from contid.control.tick.redundant import Redundant
-from contid.control.tick.tip_task import between, displacement_of, jacobian_of, shifted, task_of, turned
+from contid.control.tick.ways.redundant import Redundant
 from contid.kinematics.array import Array, pseudo_inverse
 from contid.targets import Actuation, Pose, Solution, Target
 
