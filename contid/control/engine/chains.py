@@ -20,7 +20,7 @@ class ArmsTogether(TickStage):
     robots: Sequence[int] = ()
 
     @property
-    def any(self) -> bool:
+    def has_chains(self) -> bool:
         """True for a file with chains; the ticks of others make no calls here."""
         return False
 

@@ -105,7 +105,7 @@ class Engine:
         stages: list[TickStage] = []
         if clearance is not None:
             stages.append(clearance.stage(parts))
-        if together.any:
+        if together.has_chains:
             stages.append(together)
         if contacts is not None:
             stages.append(contacts)

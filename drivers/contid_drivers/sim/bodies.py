@@ -30,7 +30,7 @@ class LoadedShafts(Protocol):
 
 
 class TracksTip(Protocol):
-    """A body whose tip a simulated tracker measures; the first method is that of the body alone.
+    """A body whose tip a simulated tracker measures.
 
     Attributes:
         axes: names of its axes on the bus.

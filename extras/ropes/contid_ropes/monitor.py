@@ -88,7 +88,7 @@ class ChainMonitor(ArmsTogether):
         self._gotos: dict[str, Target] = {}
 
     @property
-    def any(self) -> bool:
+    def has_chains(self) -> bool:
         """See `ArmsTogether`."""
         return True
 
