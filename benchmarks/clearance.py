@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from contid.clearance.body import Body, sampled_body
-from contid.clearance.distances import between_bodies, to_obstacle
-from contid.clearance.obstacles import Box
+from contid_clearance.body import Body, sampled_body
+from contid_clearance.distances import between_bodies, to_obstacle
+from contid_clearance.obstacles import Box
 from tests.clearance.arcs import random_chain
 
 PAIRS = 300

@@ -3,7 +3,7 @@
 Run from the root of the repository: ``python -m benchmarks.obstacles [--cases N] [--seed S]``. A case is the
 tip of a random posture and 3 to 10 random spheres, capsules and boxes; the seed is the home posture. The
 search draws random postures of the target: random seeds, without preference for the home posture, until one
-is clear or the draws are spent. A body is clear when the lower bound of `contid.clearance` keeps the margin.
+is clear or the draws are spent. A body is clear when the lower bound of `contid_clearance` keeps the margin.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from contid.clearance.body import sampled_body
-from contid.clearance.distances import to_obstacle
-from contid.clearance.obstacles import Box, Capsule, Obstacle
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.arc.sections import Sections, backbone
 from contid.kinematics.arc.solver import FORCE, ZONE, tuning_for
 from contid.kinematics.array import Array
+from contid_clearance.body import sampled_body
+from contid_clearance.distances import to_obstacle
+from contid_clearance.obstacles import Box, Capsule, Obstacle
 
 RADIUS_M, MARGIN_M, FROM_M = 0.04, 0.005, 0.06
 #: Random postures of the search.

@@ -20,10 +20,10 @@ from contid.kernels import load
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.array import Array
-from contid.kinematics.ph.ends import CurveEnds, PhFit, through
-from contid.kinematics.ph.model import ShapeInverse
-from contid.kinematics.rope.catenary import Catenary, as_quintic, hang
 from contid.targets import ZERO3, Vec3
+from contid_ropes.catenary import Catenary, as_quintic, hang
+from contid_ropes.ph.ends import CurveEnds, PhFit, through
+from contid_ropes.ph.model import ShapeInverse
 from studies import singh
 from studies.arc_chains import biarc, forward, lengths_of
 from studies.shape_comparison import compare_shapes, split_of, tube_sections

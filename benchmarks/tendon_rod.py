@@ -16,9 +16,9 @@ from typing import Final
 import numpy as np
 
 from contid.kinematics.model import build_model
-from contid.kinematics.tendon.loaded import LoadedTendonModel
 from contid.robot_file.load import find_robot_file, parse_robot_file
 from contid.targets import Actuation, Target
+from contid_tendons.loaded import LoadedTendonModel
 
 TIMES: Final = 3
 LOAD_N: Final = (0.02, 0.0, -0.05)

@@ -14,13 +14,15 @@ A client never reconnects by itself: when the connection ends, every call raises
 lease lapses and the robots hold. Make a new client and look at `status` first.
 """
 
-from contid.remote.client.async_client import AsyncClient
+from typing import Any
+
+from contid.entry_points import LIBRARY, required
 from contid.remote.client.servo import ServoReport, ServoState
 from contid.remote.client.sync_client import Client
 from contid.remote.protocol.wire import Code, ConnectionLostError, NoDaemonError, RemoteError
 
 __all__ = [
-    "AsyncClient",
+    "AsyncClient",  # noqa: F822  # see __getattr__
     "Client",
     "Code",
     "ConnectionLostError",
@@ -29,3 +31,10 @@ __all__ = [
     "ServoReport",
     "ServoState",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name != "AsyncClient":
+        raise AttributeError(f"module 'contid.client' has no attribute {name!r}")
+    globals()[name] = required(LIBRARY, name, "contid.client.AsyncClient", "library")
+    return globals()[name]

@@ -6,13 +6,19 @@ contid imports no extra: the metadata of a distribution names what it adds, and 
 |---|---|
 | ``contid.commands`` | a table of commands, see `contid.cli.support.table` |
 | ``contid.observers`` | options of `contid run`: `contid.cli.support.added_options.RunOption` |
-| ``contid.exports`` | an option of `contid session export`: `contid.cli.support.added_options.ExportOption` |
+| ``contid.exports`` | an option of `contid session export`: `contid_sessions.export_command.ExportOption` |
 | ``contid.modes`` | options of `contid modes`, with ``options`` and ``write`` as an export has them |
 | ``contid.checks`` | what `contid check` prints of the tip feedback of a robot: a function to a sentence |
 | ``contid.goals`` | options of `contid move`: `contid.cli.support.added_options.GoalOption` |
 | ``contid.workspaces`` | `contid.api.workspace.MeasureWorkspace`, of robots in the plane and in space |
 | ``contid.emulators`` | by the name of a driver, a function like `contid.hal.Emulates.emulator` |
 | ``contid.tools`` | by the name of a driver, an object with interfaces of `contid.hal.optional` for it |
+| ``contid.chains`` | ``ropes``: a class of `contid.control.engine.chains.ChainGuards` of a loaded file |
+| ``contid.solvers`` | by `RobotDescription.kinematics`, a class of models of a description |
+| ``contid.clearance`` | ``bodies``: a class of `contid.control.engine.stages.BodyClearance` of a file |
+| ``contid.library`` | names of ``contid`` and its client beside those of the core: ``Sim`` and others |
+| ``contid.contacts`` | ``stage`` and ``squeeze`` of the extra `contact`, see its page |
+| ``contid.recordings`` | ``compact``, ``data_frame`` and others of the extra `sessions`, see its page |
 | ``contid.addresses`` | a function from a text ``NAME:...`` to a `contid.remote.client.wires.Address` |
 
 Drivers (``contid.drivers``), bodies of simulated robots (``contid.bodies``), models
@@ -22,8 +28,11 @@ Drivers (``contid.drivers``), bodies of simulated robots (``contid.bodies``), mo
 
 from __future__ import annotations
 
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final
+
+from contid.errors import ContidError
 
 COMMANDS: Final = "contid.commands"
 OBSERVERS: Final = "contid.observers"
@@ -33,6 +42,12 @@ EXPORTS: Final = "contid.exports"
 MODES: Final = "contid.modes"
 WORKSPACES: Final = "contid.workspaces"
 ADDRESSES: Final = "contid.addresses"
+LIBRARY: Final = "contid.library"
+RECORDINGS: Final = "contid.recordings"
+CONTACTS: Final = "contid.contacts"
+CHAINS: Final = "contid.chains"
+SOLVERS: Final = "contid.solvers"
+CLEARANCE: Final = "contid.clearance"
 EMULATORS: Final = "contid.emulators"
 TOOLS: Final = "contid.tools"
 
@@ -49,6 +64,26 @@ def load_one(group: str, name: str) -> Any | None:
     for point in entry_points(group=group, name=name):
         return _load(point)
     return None
+
+
+@cache
+def required(group: str, name: str, what: str, extra: str) -> Any:
+    """The object of one name; looked up once, because that reads the metadata of every distribution.
+
+    Args:
+        group: of entry points.
+        name: of the object.
+        what: needs it, for the message.
+        extra: that has it.
+
+    Raises:
+        ContidError: no installed package offers it.
+    """
+    found = load_one(group, name)
+    if found is None:
+        package = f"contid_{extra}, which is not installed; `pip install contid` installs it"
+        raise ContidError(f"{what} needs the package {package}")
+    return found
 
 
 def _load(point: EntryPoint) -> Any | None:

@@ -16,6 +16,8 @@ from typing import Final, Self, TypeAlias
 from contid.records import record
 
 Vec3: TypeAlias = tuple[float, float, float]
+#: Tip of a robot [m] and its direction there.
+Tip: TypeAlias = tuple[Vec3, Vec3]
 #: Force and moment at a point: fx, fy, fz [N], mx, my, mz [N·m].
 Wrench6: TypeAlias = tuple[float, float, float, float, float, float]
 #: Actuation of one robot in the order of its model's axes: lengths in m, pressures in Pa.

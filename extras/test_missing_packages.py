@@ -115,7 +115,7 @@ def test_a_simulated_body_without_its_package_is_refused(core: Path) -> None:
     done = shell("contid run arm.yaml --virtual --trajectory rows.csv", core)
     assert done.returncode == 2
     assert done.stderr.strip() == (
-        "contid: arm: its key `sim` (body 'arm') needs the package contid_dynamics, which is not installed; "
+        "contid: arm: its key `sim` needs the package contid_emulate, which is not installed; "
         "`pip install contid` installs it"
     )
 

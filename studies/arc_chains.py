@@ -16,6 +16,7 @@ from contid.kinematics.arc import arc
 from contid.kinematics.arc.sections import ArcChain, Sections
 from contid.kinematics.array import Array
 from contid.targets import Vec3
+from contid_fit.calibrate.tendon.arc_jacobians import jacobians
 
 Arc: TypeAlias = tuple[float, float, float]
 
@@ -75,7 +76,7 @@ def differentiate(sections: ArcChain, lengths: Array | Sequence[float]) -> Deriv
     for i, rigid_m in enumerate(sections.rigid_m):
         u, v, L = arcs[..., i, 0], arcs[..., i, 1], arcs[..., i, 2]
         p, r = arc.pose(u, v, L)
-        jp, jw = arc.jacobians(u, v, L)
+        jp, jw = jacobians(u, v, L)
         linear.append(rotation @ jp @ sections.to_arc[i])
         spin.append(rotation @ jw @ sections.to_arc[i])
         end = position + (rotation @ p[..., None])[..., 0]

@@ -14,8 +14,8 @@ from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.arc.solver import Solver
 from contid.kinematics.array import Array
-from contid.kinematics.ph.model import ShapeInverse, TubeSection, arc_direction
 from contid.targets import vec3
+from contid_ropes.ph.model import ShapeInverse, TubeSection, arc_direction
 from studies import singh
 from studies.arc_chains import differentiate, forward
 from studies.distal_learning import InverseNetwork

@@ -17,8 +17,8 @@ import numpy as np
 
 from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.array import Array
-from contid.kinematics.ph.model import ShapeInverse, TubeSection, arc_direction
 from contid.targets import Vec3
+from contid_ropes.ph.model import ShapeInverse, TubeSection, arc_direction
 from studies import singh
 from studies.arc_chains import biarc, forward, lengths_of
 from studies.comparison import cbha

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contid.kinematics.array import Array
-from contid.kinematics.tendon.capstan import play_series
+from contid_fit.calibrate.tendon.play_series import play_series
 from contid_fit.calibrate.tendon.recording import TendonRecording
 
 #: Training inputs, training outputs, inputs to predict at: predictions.

@@ -122,8 +122,8 @@ EXTRAS = "|".join(path.name for path in ROOT.glob("extras/*/contid_*"))
 REFERENCE = re.compile(rf"`((?:contid|contid_drivers|{EXTRAS}|studies)(?:\.\w+)+)`")
 # Names like modules: groups of entry points, and compiled kernels.
 GROUPS = (
-    "bodies|checks|drivers|emulators|models|commands|addresses|observers|exports|modes|goals|stages|tools|"
-    "workspaces"
+    "addresses|bodies|chains|checks|clearance|commands|contacts|drivers|emulators|exports|goals|library|models|"
+    "modes|observers|recordings|solvers|stages|tools|workspaces"
 )
 NOT_MODULES = re.compile(rf"contid\.({GROUPS}|kernels\._\w+)")
 
@@ -197,7 +197,7 @@ MAX_POSITIONAL = 6
 FEW_POSITIONAL = (
     *(
         "contid/api",
-        "contid/clearance",
+        "extras/clearance/contid_clearance",
         "contid/hal",
         "contid/robot_file",
         "contid/session",

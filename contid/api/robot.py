@@ -16,7 +16,8 @@ from contid.api.described import DescribedRobots
 from contid.api.placed import PlacedRows
 from contid.api.results import AnswerRecords, PoseRecords
 from contid.api.row_arguments import RowArguments, records, renamed
-from contid.api.workspace import Workspace, draw_backbones, draw_points, measure_workspace, new_axes
+from contid.api.workspace import Workspace, measure_workspace
+from contid.entry_points import WORKSPACES, required
 from contid.kinematics.array import Array
 from contid.kinematics.batch import POSE, Solutions, Table, Targets, forward_many, inverse_many
 from contid.kinematics.batch.loop import inverse_each
@@ -331,13 +332,14 @@ class Robot(DescribedRobots):
         """
         if actuation is None and points is None:
             actuation = self.limits.rest
-        axes = new_axes(self.dimension, self.units.length) if axes is None else axes
+        drawing = required(WORKSPACES, "drawing", "Robot.plot", "reach")
+        axes = drawing.new_axes(self.dimension, self.units.length) if axes is None else axes
         if points is not None:
             rows, shape = as_rows("points", points, self._rows.point_columns)
             colours = None if values is None else as_values("values", values, shape)
-            draw_points(axes, rows, colours, label)
+            drawing.draw_points(axes, rows, colours, label)
         if actuation is not None:
             lines = self.backbone(actuation)
-            draw_backbones(axes, lines.reshape(-1, *lines.shape[-2:]))
+            drawing.draw_backbones(axes, lines.reshape(-1, *lines.shape[-2:]))
         axes.set_aspect("equal")
         return axes

@@ -1,4 +1,4 @@
-// Halton points, evenly spread in the unit cube. contid/clearance/guard.py has the same.
+// Halton points, evenly spread in the unit cube. extras/clearance/contid_clearance/guard.py has the same.
 #pragma once
 
 namespace contid {

@@ -10,6 +10,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from contid.kinematics.array import Array
 from contid.robot_file.base import BasePose
 from contid.targets import ZERO3, Target, Vec3, frame_of_axes
 
@@ -91,3 +94,9 @@ class BaseFrame:
         """
         z = self.vector_in_base((rotation[2], rotation[5], rotation[8]))
         return frame_of_axes(z, self.vector_in_base((rotation[0], rotation[3], rotation[6])))
+
+
+def in_world(frame: BaseFrame, points_in_base: Array) -> Array:
+    """Points ``(n, 3)`` of a base frame [m] in the world."""
+    moved: Array = points_in_base @ np.array(frame.rotation).reshape(3, 3).T + frame.origin_in_world
+    return moved

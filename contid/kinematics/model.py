@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import Final, Protocol, runtime_checkable
 
 from contid import kernels
+from contid.entry_points import SOLVERS, required
 from contid.kinematics.any_target import tolerate
 from contid.kinematics.array import Array
 from contid.kinematics.isolated_robot import IsolatedRobot
@@ -92,11 +93,15 @@ MODELS: Final[dict[str, str]] = {
     "cosserat": "contid.kinematics.cosserat.model:CosseratModel",
     "rack_finger": "contid.kinematics.rack.finger:RackFingerModel",
     "tendon": "contid.kinematics.tendon.model:TendonModel",
-    "tendon.driven": "contid.kinematics.tendon.driven:DrivenTendonModel",
-    "tendon.rod": "contid.kinematics.tendon.loaded:LoadedTendonModel",
     "tri_rack": "contid.kinematics.arc.section_model:SectionModel",
     "tri_tube": "contid.kinematics.arc.section_model:SectionModel",
-    "tri_tube.ph": "contid.kinematics.ph.model:PhModel",
+}
+
+#: The same of extras, whose classes are entry points of the group ``contid.solvers``.
+SOLVED_BY: Final[dict[str, str]] = {
+    "tendon.driven": "tendons",
+    "tendon.rod": "tendons",
+    "tri_tube.ph": "ropes",
 }
 
 
@@ -110,11 +115,16 @@ def build_model(robot: RobotDescription) -> Model:
     if isinstance(robot, IsolatedRobot):
         connected: Model | None = robot.connected
         return build_model(robot.described()) if connected is None else connected
-    if robot.kinematics not in MODELS:
+    if robot.model not in MODELS:
         built: Model = load_plugin(robot.model).build(robot)
         return built
-    module, _, name = MODELS[robot.kinematics].partition(":")
-    model: Model = getattr(import_module(module), name)(robot)
+    if robot.kinematics in MODELS:
+        module, _, name = MODELS[robot.kinematics].partition(":")
+        solver = getattr(import_module(module), name)
+    else:
+        what = f"the model of a {robot.model} robot ({robot.kinematics})"
+        solver = required(SOLVERS, robot.kinematics, what, SOLVED_BY[robot.kinematics])
+    model: Model = solver(robot)
     if robot.reach_tolerance_mm is not None:
         tolerate(model, robot.reach_tolerance_mm / MM_PER_M)
     return model

@@ -12,7 +12,6 @@ from typing import Final
 from serial.tools import list_ports
 
 from contid.errors import DeviceNotFoundError
-from contid.hal import Finding
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,44 +118,6 @@ def find_port(bus: str, pattern: str, adapter: UsbIdentity | None = None) -> str
         f"no port {pattern}; serial ports present: {', '.join(present) or 'none'}",
         "plug the adapter in, or run `contid scan`",
     )
-
-
-def port_name(bus: str, pattern: str, path: str) -> list[Finding]:
-    """Whether the name of a port is that of one adapter; empty for a port that is none of USB.
-
-    Args:
-        bus: its name.
-        pattern: the ``port`` of the robot file.
-        path: the port found.
-    """
-    real = str(Path(path).resolve())
-    ports = [port for port in list_ports.comports() if port.vid is not None]
-    own = next((port for port in ports if port.device == real), None)
-    if own is None:
-        return []
-    subject, by_path = f"{bus} port name", _link("by-path", real)
-    remedy = f"write port: {by_path}, which names the socket" if by_path else "name the socket by a udev rule"
-    kind = (own.vid, own.pid, own.serial_number)
-    equal = [port.device for port in ports if (port.vid, port.pid, port.serial_number) == kind]
-    if "/by-path/" in pattern:
-        return [Finding(subject, True, f"{pattern}, the name of its socket")]
-    if len(equal) > 1:
-        message = f"{pattern} is not unique: {', '.join(sorted(equal))} are equal adapters with one name"
-        return [Finding(subject, True, message, remedy, warning=True)]
-    if not own.serial_number:
-        message = f"{pattern}: its adapter has no serial number; a second one would get the same name"
-        return [Finding(subject, True, message, remedy, warning=True)]
-    if "/by-id/" not in pattern:
-        by_id = _link("by-id", real)
-        message = f"{pattern} depends on the order of plugging in"
-        return [Finding(subject, True, message, f"write port: {by_id or by_path}", warning=True)]
-    return [Finding(subject, True, f"{pattern}, the name of one adapter")]
-
-
-def _link(folder: str, real: str) -> str:
-    """The name of a device in a folder of `SERIAL`, "" without one."""
-    links = sorted((SERIAL / folder).glob("*"))
-    return next((str(link) for link in links if str(link.resolve()) == real), "")
 
 
 def holders(path: str) -> list[str]:

@@ -5,5 +5,5 @@ server/     server > connection > turns, request_handler > stop_orders, motion_o
             moves > gotos, preconditions; lease, trackers, pending_orders: what requests change
             telemetry_view: robots and buses as clients see them
             stop_server: the socket of commands that move a robot without a daemon
-client/     async_client, sync_client > procedures > orders > client_protocol, wires
+client/     sync_client > procedures > orders > client_protocol, wires
 """

@@ -32,9 +32,8 @@ from contid.control.engine.events.buses import RecorderFailed, RecorderOverrun
 from contid.control.engine.tick_layout import DEADLINE
 from contid.control.process.ring_reader import DatedEvent, RingReader
 from contid.errors import ContidError
-from contid.session.compact import compact
 from contid.session.format.header import END, NPZ, Attached, RecorderJob
-from contid.session.write import SessionWriter
+from contid.session.write import SessionWriter, compact
 
 READY: Final = "ready"
 #: Begin of a line with the number of ticks that are missing in the file, because the disk was too slow.

@@ -10,15 +10,15 @@ import json
 import stat
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import RecordLayout, RobotLayout, TickRecord
 from contid.control.tick.config import MOTION_RULES
+from contid.entry_points import RECORDINGS, required
 from contid.errors import BadInputError, SessionError
 from contid.html import html_table
 from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
-from contid.session.export.table import data_frame, row_values
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import CHANNELS, REVISION
 from contid.session.format.decode import Decoder
@@ -26,7 +26,6 @@ from contid.session.format.entries import EndOfFile, Entry, read_entries
 from contid.session.format.mcap_records import DamagedRecordError
 from contid.session.format.metadata import FORMAT, TRAJECTORY, decode_trajectory
 from contid.session.format.record_stream import RecordStream
-from contid.session.plot import plot_axes
 from contid.trajectory.timed import Trajectory
 
 if TYPE_CHECKING:
@@ -139,7 +138,8 @@ class Session:
 
     def __iter__(self) -> Iterator[dict[str, float]]:
         """Every tick, by the columns of `to_pandas`; what is absent is NaN."""
-        return row_values(self)
+        rows: Iterator[dict[str, float]] = _of_extra("row_values")(self)
+        return rows
 
     def to_pandas(self) -> pd.DataFrame:
         """All ticks with the columns of ``contid session export --csv``; the index is ``t_s``.
@@ -147,7 +147,8 @@ class Session:
         Raises:
             MissingExtraError: pandas is not installed.
         """
-        return data_frame(self)
+        frame: pd.DataFrame = _of_extra("data_frame")(self)
+        return frame
 
     def plot(self) -> Figure:
         """Commands and measured values of every axis over time, one diagram per robot, by matplotlib.
@@ -155,7 +156,8 @@ class Session:
         Raises:
             MissingExtraError: matplotlib is not installed.
         """
-        return plot_axes(self)
+        figure: Figure = _of_extra("plot")(self)
+        return figure
 
     def _repr_html_(self) -> str:
         time = "virtual" if self.virtual else "real"
@@ -236,3 +238,8 @@ class Session:
         for entry in self.entries():
             if entry.event is not None:
                 yield entry.event
+
+
+def _of_extra(name: str) -> Any:
+    """A function over the ticks of a session as a table, of the extra `sessions`."""
+    return required(RECORDINGS, name, f"the table of a session ({name})", "sessions")

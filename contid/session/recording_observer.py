@@ -18,7 +18,6 @@ from contid.control.process.ring import SECONDS
 from contid.control.process.setup import RunSetup
 from contid.control.process.shared_files import ATTACHED_FILES, folder
 from contid.errors import ContidError
-from contid.session.compact import compact
 from contid.session.format.header import END, NPZ, Attached, RecorderJob
 from contid.session.format.metadata import (
     DURING_RUN,
@@ -28,7 +27,7 @@ from contid.session.format.metadata import (
     trajectory_metadata,
 )
 from contid.session.mcap_recorder import MISSED, READY
-from contid.session.write import SessionWriter
+from contid.session.write import SessionWriter, compact
 
 #: How long the end of a run waits for compaction; a session of 45 minutes of a hand takes a third of it.
 COMPACTION_TIMEOUT_S: Final = 120.0

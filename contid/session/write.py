@@ -3,7 +3,7 @@
 Every chunk has the CRC-32 of its messages, the metadata ``checksum`` that of everything before them, and the
 end of the data that of the whole file: no flipped bit is read as a measurement. Written data survive the
 end of this process; a power cut loses what came after the last `SessionWriter.sync`. A clean end adds the
-footer, and `contid.session.compact` compresses the file. Until then the file is locked: it can be read, but
+footer, and `contid_sessions.compact` compresses the file. Until then the file is locked: it can be read, but
 not repaired. Files of recordings are private, and never overwritten.
 """
 
@@ -21,6 +21,7 @@ from typing import Any, Final
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.json_form import to_json
 from contid.control.engine.tick_layout import DEADLINE, TICK
+from contid.entry_points import RECORDINGS, load_one
 from contid.errors import ContidError, RecordingStoppedError
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import CHANNELS, EVENT, schema
@@ -35,21 +36,20 @@ _BUFFER_BYTES: Final = 1 << 20
 _EVENT_ID: Final = CHANNELS.index(EVENT) + 1
 
 
+def compact(path: Path) -> None:
+    """Compress and index a complete session in its place; without the extra `sessions` it stays as it is.
+
+    Raises:
+        ContidError: it cannot be written; the session is unchanged.
+    """
+    compacted = load_one(RECORDINGS, "compact")
+    if compacted is not None:
+        compacted(path)
+
+
 def exists_error(path: Path) -> ContidError:
     """The error for a recording that would be overwritten."""
     return ContidError(f"{path}: file exists; recordings are never overwritten")
-
-
-def refuse_recording(path: Path) -> None:
-    """Recordings are never overwritten, by exports neither.
-
-    Raises:
-        ContidError: the file is a recording.
-    """
-    if path.is_file():
-        with path.open("rb") as file:
-            if file.read(len(mcap.MAGIC)) == mcap.MAGIC:
-                raise exists_error(path)
 
 
 class SessionWriter:

@@ -13,8 +13,8 @@ import numpy as np
 
 from contid import Robot
 from contid.kinematics.model import Bending, build_model
-from contid.kinematics.rope.catenary import hang
 from contid.robot_file.load import load_named
+from contid_ropes.catenary import hang
 from docs.drawings.plane_drawing import AXIS, BODY, SIZE, Drawing
 from docs.drawings.robot_drawings import azimuth_deg, offset
 from docs.drawings.svg import Point, write_drawings

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from contid import Robot
-from contid.kinematics.rope.catenary import hang
 from contid.robot_file.load import load_named
+from contid_ropes.catenary import hang
 from docs.drawings.plane_drawing import AXIS, BODY, FRAME, SIZE, Drawing
 from docs.drawings.svg import Point, write_drawings
 

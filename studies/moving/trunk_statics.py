@@ -30,10 +30,10 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from contid.kinematics.array import Array
-from contid.kinematics.tendon.driven import DriveMap
 from contid.kinematics.tendon.geometry import TendonGeometry, TendonSection, forward
 from contid.kinematics.tendon.tension import TendonStatics
 from contid.units import MM_PER_M
+from contid_tendons.driven import DriveMap
 
 #: The two motors of every section, from the base on, and azimuths to begin with [deg].
 MOTORS: Final = ((2, 4), (0, 5), (1, 3))

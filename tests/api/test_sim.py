@@ -14,10 +14,10 @@ import psutil
 import pytest
 
 from contid import Robot, Session, Sim
-from contid.api import simulated
 from contid.errors import ContidError
 from contid.session.format.entries import GROWING
 from contid.session.write import SessionWriter
+from contid_library import simulated
 from tests.support.command import contid_in
 
 

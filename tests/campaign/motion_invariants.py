@@ -8,13 +8,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from contid.clearance.guard import Shapes
 from contid.control.engine.tick_layout import ENABLED
-from contid.control.engine.wiring import clearance_guard
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.supervisor import Mode
 from contid.kinematics.tendon.model import TendonModel
 from contid.targets import ZERO3
+from contid_clearance.file_clearance import clearance_guard
+from contid_clearance.guard import Shapes
 from contid_drivers.sim.options import SimAxisOptions
 from tests.campaign.watch import Seen
 

@@ -3,13 +3,13 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from contid.clearance.body import sampled_body
-from contid.clearance.distances import to_obstacle
-from contid.clearance.obstacles import Box, Capsule, Obstacle, Plane
 from contid.kinematics.arc import arc
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.sections import Sections, backbone
 from contid.kinematics.arc.solver import FORCE, ZONE, tuning_for
+from contid_clearance.body import sampled_body
+from contid_clearance.distances import to_obstacle
+from contid_clearance.obstacles import Box, Capsule, Obstacle, Plane
 
 RADIUS_M, MARGIN_M, FROM_M = 0.04, 0.005, 0.06
 RACKS = (-np.pi, -np.pi / 3, -5 * np.pi / 3)

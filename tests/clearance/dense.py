@@ -14,8 +14,8 @@ from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from contid.clearance.body import sampled_body
-from contid.clearance.distances import between_bodies
+from contid_clearance.body import sampled_body
+from contid_clearance.distances import between_bodies
 
 MARGIN_M = 1e-3
 FINE, DENSE = 1024, 401

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from contid.clearance.walk import Walk
-from contid.control.engine.wiring import clearance_guard
 from contid.robot_file.load import load_named, with_mock
 from contid.targets import ZERO3
 from contid.trajectory.straight_stop import StraightStop
+from contid_clearance.file_clearance import clearance_guard
+from contid_clearance.walk import Walk
 from tests.campaign.script import close_hand
 
 SIDES = np.array([-1.0, 1.0])

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from contid.clearance.obstacles import Box, Capsule, Plane
 from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.arc.solver import tuning_for
 from contid.kinematics.tendon.model import TendonModel
 from contid.robot_file.load import load_named
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Target
+from contid_clearance.obstacles import Box, Capsule, Plane
 from tests.clearance.around import (
     FROM_M,
     MARGIN_M,

@@ -9,14 +9,14 @@ from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from contid.clearance.arm import SPEED_FACTOR, body_speed
-from contid.clearance.body import Body, sampled_body
-from contid.clearance.distances import between_bodies, to_obstacle
-from contid.clearance.guard import Shapes
-from contid.clearance.obstacles import Box, Capsule, Plane
-from contid.control.engine.wiring import clearance_guard
 from contid.kernels import load
 from contid.targets import ZERO3
+from contid_clearance.arm import SPEED_FACTOR, body_speed
+from contid_clearance.body import Body, sampled_body
+from contid_clearance.distances import between_bodies, to_obstacle
+from contid_clearance.file_clearance import clearance_guard
+from contid_clearance.guard import Shapes
+from contid_clearance.obstacles import Box, Capsule, Plane
 from tests.campaign.script import close_hand
 from tests.clearance.arcs import random_chain
 from tests.clearance.dense import run

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from contid.control.engine.wiring import build_robot_configs, clearance_guard
+from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.axis_motions import PresentRates, motion_to, straight_stop
-from contid.control.tick.preflight.clearance import ClearancePreflight
 from contid.robot_file.load import load_named
 from contid.targets import ZERO3
+from contid_clearance.file_clearance import clearance_guard
+from contid_clearance.preflight import ClearancePreflight
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 from contid import Robot, Sim
-from contid.clearance.lead import in_base
-from contid.clearance.obstacles import Box, Capsule, Plane
 from contid.control.engine import wiring
 from contid.control.engine.wiring import build_preflight
 from contid.control.tick.preflight.rows import Unreachable
@@ -19,6 +17,8 @@ from contid.robot_file.base import BasePose
 from contid.robot_file.load import parse_robot_file
 from contid.targets import Target
 from contid.trajectory.read import read_trajectory
+from contid_clearance.lead import in_base
+from contid_clearance.obstacles import Box, Capsule, Plane
 from tests.clearance.around import some_obstacles
 
 CONFIGS = Path(__file__).parents[2] / "configs"

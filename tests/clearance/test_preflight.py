@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 
 from contid import Sim
-from contid.clearance.body import sampled_body
-from contid.clearance.guard import Shapes
-from contid.clearance.walk import RESOLUTION_M, Walk
-from contid.control.engine.wiring import build_preflight, clearance_guard
+from contid.control.engine.wiring import build_preflight
 from contid.control.tick.preflight.rows import Unreachable
 from contid.errors import BadInputError, ContidError
 from contid.kinematics.model import build_model
 from contid.robot_file.load import load_named, parse_robot_file
 from contid.targets import ZERO3
 from contid.trajectory.read import read_trajectory
+from contid_clearance.body import sampled_body
+from contid_clearance.file_clearance import clearance_guard
+from contid_clearance.guard import Shapes
+from contid_clearance.walk import RESOLUTION_M, Walk
 from tests.clearance.finger_file import FINGER, WALL
 from tests.support.command import contid
 

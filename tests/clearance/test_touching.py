@@ -10,12 +10,12 @@ import yaml
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from contid.clearance.guard import ClearanceGuard, Shapes
-from contid.clearance.walk import Walk
-from contid.control.engine.wiring import clearance_guard
 from contid.kinematics.array import Array
 from contid.robot_file.load import find_robot_file, parse_robot_file
 from contid.targets import ZERO3, Actuation, Target, vec3
+from contid_clearance.file_clearance import clearance_guard
+from contid_clearance.guard import ClearanceGuard, Shapes
+from contid_clearance.walk import Walk
 
 POINTS = 601
 

@@ -9,8 +9,9 @@ import pytest
 
 from contid.client import AsyncClient, Client, RemoteError
 from contid.control.engine import messages as msg
-from contid.control.engine.order_events import order_event, order_of
+from contid.control.engine.order_events import order_event
 from contid.control.orders import REQUESTS
+from contid_sessions.replay.recorded_orders import order_of
 from tests.support.daemons import daemon
 
 pytestmark = pytest.mark.process

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from contid.kernels import load
-from contid.kinematics.ph.ends import BRANCHES, CurveEnds, PhFit, least_energy, plausible_energy, through
-from contid.kinematics.ph.model import ShapeInverse, TubeSection
-from contid.kinematics.ph.quintic import PhQuintic
+from contid_ropes.ph.ends import BRANCHES, CurveEnds, PhFit, least_energy, plausible_energy, through
+from contid_ropes.ph.model import ShapeInverse, TubeSection
+from contid_ropes.ph.quintic import PhQuintic
 from tests.kinematics.ph_golden import DISTANCE, GOLDEN, MM, PAPER_ANGLES, golden_lengths, two_section_pose
 from tests.oracles.offset_curves import tube_length
 
@@ -70,7 +70,7 @@ def test_a_curve_has_its_ends_its_directions_and_its_length() -> None:
 
 
 def test_the_branches_are_those_of_the_curves_that_are_drawn() -> None:
-    """`contid.kinematics.ph.ends` draws ropes and bodies; its golden values are the reference's."""
+    """`contid_ropes.ph.ends` draws ropes and bodies; its golden values are the reference's."""
     rng = np.random.default_rng(8)
     for _ in range(300):
         chord, t0, t1 = random_ends(rng)

@@ -13,7 +13,7 @@ import pytest
 
 from contid.kernels import load
 from contid.kinematics.tendon.geometry import TendonGeometry, TendonSection
-from contid.kinematics.tendon.rod import TendonRod
+from contid_tendons.rod import TendonRod
 from tests.oracles.tendon_energy import Energy
 
 

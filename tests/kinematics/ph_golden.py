@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from contid.kinematics.ph.ends import quintic_between
-from contid.kinematics.ph.lift import lift, nearest, product, turned
-from contid.kinematics.ph.quintic import PhQuintic
+from contid_ropes.ph.ends import quintic_between
+from contid_ropes.ph.lift import lift, nearest, product, turned
+from contid_ropes.ph.quintic import PhQuintic
 
 MM = 1e-3
 GOLDEN: dict[str, Any] = json.loads(

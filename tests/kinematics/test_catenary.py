@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contid.kinematics.ph.ends import CurveEnds, through
-from contid.kinematics.rope.catenary import Catenary, as_quintic, hang, stretch
+from contid_ropes.catenary import Catenary, as_quintic, hang, stretch
+from contid_ropes.ph.ends import CurveEnds, through
 from tests.kinematics.ph_golden import GOLDEN, MM, two_section_pose
 
 coordinate = st.floats(-1.0, 1.0)

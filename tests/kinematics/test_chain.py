@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from contid.errors import BadInputError
-from contid.kinematics.rope.chain import ChainGuard, Tip
 from contid.robot_file.chain import Chain
 from contid.robot_file.load import load_robot_file, parse_robot_file
+from contid.targets import Tip
+from contid_ropes.chain import ChainGuard
 from tests.kinematics.ph_golden import GOLDEN, MM, two_section_pose
 
 CHAIN = Path(__file__).parents[2] / "configs" / "chain.yaml"

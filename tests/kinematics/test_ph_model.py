@@ -13,11 +13,11 @@ import yaml
 from contid.errors import BadInputError
 from contid.kinematics.arc.sections import Sections
 from contid.kinematics.model import build_model
-from contid.kinematics.ph.model import PhModel, arc_direction
 from contid.robot_file.document import RobotFile
 from contid.robot_file.load import load_robot_file
 from contid.robot_file.tri_tube import TriTube
 from contid.targets import Target
+from contid_ropes.ph.model import PhModel, arc_direction
 from studies import singh
 from studies.arc_chains import forward
 from tests.kinematics.section_robots import RACKS, free_solver

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
-from contid.kinematics.ph.ends import BRANCHES, CurveEnds, least_energy, through
-from contid.kinematics.ph.lift import lift, product, turned
-from contid.kinematics.ph.quintic import PhQuintic
+from contid_ropes.ph.ends import BRANCHES, CurveEnds, least_energy, through
+from contid_ropes.ph.lift import lift, product, turned
+from contid_ropes.ph.quintic import PhQuintic
 from tests.kinematics.ph_golden import GOLDEN, MM, curvature, hermite
 
 Z = (0.0, 0.0, 1.0)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from contid.kinematics.ph.ends import CurveEnds, through
-from contid.kinematics.ph.quintic import points_at
+from contid_ropes.ph.ends import CurveEnds, through
+from contid_ropes.ph.quintic import points_at
 from tests.kinematics.ph_golden import DISTANCE, golden_lengths, section_pose, two_section_pose
 
 Z = (0.0, 0.0, 1.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from contid.kinematics.ph.model import ShapeInverse, TubeSection
+from contid_ropes.ph.model import ShapeInverse, TubeSection
 from tests.kinematics.ph_golden import DISTANCE, MM, PAPER_ANGLES, golden_lengths, two_section_pose
 
 SECTIONS = [TubeSection(float(d), tuple(PAPER_ANGLES.tolist())) for d in DISTANCE]

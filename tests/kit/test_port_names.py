@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from contid.kit import serial_ports
+from contid_driverkit.port_checks import port_name
 
 
 @dataclass
@@ -35,7 +36,7 @@ def links(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def checked(links: Path, monkeypatch: pytest.MonkeyPatch, pattern: str, *ports: Port) -> tuple[str, str]:
     monkeypatch.setattr("serial.tools.list_ports.comports", lambda: list(ports))
     path = links / pattern
-    (found,) = serial_ports.port_name("servos", str(path), str(path))
+    (found,) = port_name("servos", str(path), str(path))
     assert found.ok
     assert found.warning == bool(found.remedy)
     return found.message, found.remedy
@@ -61,4 +62,4 @@ def test_a_name_of_the_kernel_depends_on_the_order(links: Path, monkeypatch: pyt
 
 def test_a_port_that_is_none_of_usb_has_no_finding(links: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("serial.tools.list_ports.comports", lambda: [Port(str(links / "ttyS0"), None)])
-    assert serial_ports.port_name("servos", "/dev/ttyS0", str(links / "ttyS0")) == []
+    assert port_name("servos", "/dev/ttyS0", str(links / "ttyS0")) == []

@@ -22,7 +22,7 @@ from tests.mutation.replaced import functions_of_the_tick, import_from, patch
 
 #: Packages below the tick, and of others, that the tests of the tick import.
 PRELOADED: Final = (
-    *("contid.robot_file.load", "contid.robot_file.load", "contid.clearance.walk", "contid.hal"),
+    *("contid.robot_file.load", "contid.robot_file.load", "contid_clearance.walk", "contid.hal"),
     *("contid.kinematics.extra_axes", "contid.trajectory.read", "contid.trajectory.approach"),
     *("numpy", "psutil", "mcap.reader", "mcap.writer", "zstandard", "lz4.frame", "scipy.optimize"),
     *("hypothesis.strategies", "rich.console", "click", "asyncio", "multiprocessing.resource_tracker"),

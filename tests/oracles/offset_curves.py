@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from contid.kinematics.ph.quintic import PhQuintic
+from contid_ropes.ph.quintic import PhQuintic
 
 
 def carried(points: np.ndarray, tangents: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from contid.kinematics.tendon.rod import TendonRod
+from contid_tendons.rod import TendonRod
 from tests.oracles.twists import exponential
 
 

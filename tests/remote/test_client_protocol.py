@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contid.remote.client.async_client import AsyncClient
 from contid.remote.client.client_protocol import ClientProtocol, Request
-from contid.remote.client.wires import AsyncSocketWire
 from contid.remote.protocol.wire import Code, ConnectionLostError, RemoteError, encode
+from contid_library.async_client import AsyncClient
+from contid_library.async_wires import AsyncSocketWire
 
 
 def response(request: Request, **result: Any) -> bytes:

@@ -11,11 +11,12 @@ import pytest
 from contid.control.engine import messages as msg
 from contid.control.engine.events.robots import ContactBegan, GotoEnded, OrderRefused, SqueezeChanged
 from contid.control.engine.wiring import build_robot_configs
-from contid.control.tick.contact.squeeze_way import Squeeze, moved
+from contid.control.tick.squeezing import Squeeze
 from contid.control.tick.supervisor import Mode
 from contid.robot_file.load import parse_robot_file
 from contid.session.read import Session
 from contid.targets import Target
+from contid_contact.squeeze_way import moved
 from contid_dynamics.finger_body import FingerBody
 from contid_sessions.replay.replay import replay
 from tests.sense.squeeze_runs import AT_CLOSE, BEFORE, BEHIND, RATE_HZ, Run, closing, hand, hand_text, run

@@ -15,10 +15,10 @@ from jsonschema import Draft202012Validator
 
 from contid.control.engine.tick_layout import AXIS, DEADLINE, HEAD, ROBOT, RecordLayout, RobotLayout
 from contid.control.tick.supervisor import Mode
-from contid.session.export.columns import Column, channel_columns
 from contid.session.format.channels import INFINITE, TICK_CHANNELS, fields, schema
 from contid.session.format.decode import MAX_COUNT, Decoder
 from contid.session.format.encode import Encoder
+from contid_sessions.columns import Column, channel_columns
 
 LAYOUT = RecordLayout(
     "two", 200.0, (RobotLayout("thumb", "rack_finger", "mm", ("left", "right")),

@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 
 from contid.errors import ContidError
-from contid.session.compact import compact, repair
 from contid.session.format import mcap_records as mcap
 from contid.session.format import record_stream
 from contid.session.format.channels import CHANNELS, EVENT
@@ -27,6 +26,7 @@ from contid.session.format.record_stream import RecordStream
 from contid.session.info import summarize
 from contid.session.read import Session
 from contid.trajectory.rows import MAX_ROWS
+from contid_sessions.compact import compact, repair
 from contid_sessions.replay.replay import replay
 from tests.support.fingers import circle, load
 

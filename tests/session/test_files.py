@@ -18,12 +18,12 @@ from mcap.reader import make_reader
 from contid.control.engine.cycle import OnEnd
 from contid.control.process.setup import RunSetup
 from contid.errors import ContidError, SessionError
-from contid.session.compact import compact, repair
 from contid.session.format.channels import CHANNELS, EVENT, MEASURED, TICK_CHANNELS
 from contid.session.format.metadata import describe
 from contid.session.info import summarize
 from contid.session.read import Session
 from contid.session.write import SessionWriter
+from contid_sessions.compact import compact, repair
 from contid_sessions.csv_files import export_channels, export_joined
 from contid_sessions.replay.replay import replay
 from tests.session.rewrite import rewritten
@@ -204,7 +204,7 @@ def test_chunks_do_not_overlap_in_time(
     """`mcap info` and Foxglove treat overlaps as messages out of order."""
     from mcap.reader import SeekingReader
 
-    monkeypatch.setattr("contid.session.format.indexed_writer.CHUNK_BYTES", 10_000)
+    monkeypatch.setattr("contid_sessions.indexed_writer.CHUNK_BYTES", 10_000)
     path = compact(recorded, tmp_path / "small.mcap")
     with path.open("rb") as file:
         summary = SeekingReader(file).get_summary()

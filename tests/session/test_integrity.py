@@ -21,12 +21,12 @@ from contid.control.process import ring
 from contid.control.process.ring_writer import RingWriter
 from contid.control.process.setup import RunSetup
 from contid.errors import ContidError, SessionError
-from contid.session.compact import repair
 from contid.session.format.entries import DAMAGED
 from contid.session.format.header import RecorderJob
 from contid.session.format.metadata import describe
 from contid.session.mcap_recorder import SYNC_PERIOD_S, McapRecorder
 from contid.session.read import Session
+from contid_sessions.compact import repair
 from tests.support.fingers import load
 
 TIMES = int(os.environ.get("CONTID_CAMPAIGN", "1"))

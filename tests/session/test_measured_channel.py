@@ -14,10 +14,10 @@ from mcap.reader import make_reader
 
 from contid.control.engine.wiring import build_robot_configs
 from contid.remote.server.telemetry_view import TelemetryView
-from contid.session.compact import compact, repair
 from contid.session.format.channels import MEASURED, TICK_CHANNELS
 from contid.session.format.record_stream import RecordStream
 from contid.session.read import Session
+from contid_sessions.compact import compact, repair
 from contid_sessions.replay.replay import replay
 from tests.session.runs import loaded_arm
 
@@ -111,7 +111,7 @@ def test_a_model_that_raises_an_error_costs_the_channel_and_not_the_recording(
         if count > 200:
             raise RuntimeError("not in this version")
 
-    monkeypatch.setattr("contid.session.export.measured.tip_in_world", forward)
+    monkeypatch.setattr("contid_sessions.measured.tip_in_world", forward)
     whole = ticks(compact(growing, tmp_path / "copy.mcap"))
     assert len(whole) == len(list(Session(growing).ticks()))
     assert all(MEASURED not in tick for tick in whole)

@@ -41,7 +41,7 @@ def test_merged_sessions_are_on_one_clock_and_chunks_do_not_overlap(
     recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """`mcap info` and Foxglove treat overlaps as messages out of order."""
-    monkeypatch.setattr("contid.session.format.indexed_writer.CHUNK_BYTES", 10_000)
+    monkeypatch.setattr("contid_sessions.indexed_writer.CHUNK_BYTES", 10_000)
     ahead = {"a": 0.0, "b": -0.0012}
     paths = [noted(recorded, tmp_path / f"{node}.mcap", node, offset_s) for node, offset_s in ahead.items()]
     merged = tmp_path / "merged.mcap"

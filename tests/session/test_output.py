@@ -15,8 +15,8 @@ import pytest
 from contid.control.engine.command_log import CommandLog
 from contid.control.engine.wiring import record_layout
 from contid.errors import ContidError
-from contid.session.compact import compact
 from contid.whole_file import new_file_mode, replacing
+from contid_sessions.compact import compact
 from tests.support.fingers import load
 
 pytestmark = pytest.mark.process

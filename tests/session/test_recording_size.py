@@ -10,7 +10,7 @@ import pytest
 from contid import Sim
 from contid.control.engine.cycle import Sink
 from contid.robot_file.load import load_named, with_mock
-from contid.session.recording_size import predicted_size
+from contid_sessions.recording_size import predicted_size
 
 
 def _moved(sim: Sim, ticks: int) -> None:

@@ -17,7 +17,7 @@ from click.testing import CliRunner
 from contid.cli.main import cli
 from contid.control.engine.live.target_vector import kind_of, target_of, vector_of
 from contid.control.engine.messages import Rows
-from contid.control.engine.order_events import order_event, order_of
+from contid.control.engine.order_events import order_event
 from contid.errors import BadInputError
 from contid.kinematics.extra_axes import WithExtraAxes
 from contid.kinematics.frames import BaseFrame
@@ -30,6 +30,7 @@ from contid.targets import Target
 from contid.trajectory.arc_columns import arc_names, arc_values
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.rows import RowReader
+from contid_sessions.replay.recorded_orders import order_of
 from tests.oracles.twists import Chain
 
 SPATIAL = ("trirack", "trirack2", "cbha", "tendon3", "ftdcr_v4")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,7 +13,6 @@ from contid.cli.support.parameters import robot_names
 if TYPE_CHECKING:
     from contid.control.daemon.budget import Budget
     from contid.robot_file.load import LoadedFile
-    from contid.session.recording_size import PredictedSize
 
 
 @click.command()
@@ -98,14 +97,14 @@ def command(robot_file: str, trajectory: str | None, budget: bool, as_json: bool
         raise ContidError(f"{loaded.path}: {refusal}")
 
 
-def _measured(loaded: LoadedFile) -> tuple[Budget, PredictedSize]:
+def _measured(loaded: LoadedFile) -> tuple[Budget, Any]:
     """What a tick of a file costs, and how large its recordings are."""
     from contid.control.daemon.tick_times import measure_budget
-    from contid.session.recording_size import predicted_size
+    from contid.entry_points import RECORDINGS, required
 
     found: list[Budget] = []
     rate_hz = loaded.file.rate_hz
-    size = predicted_size(
+    size = required(RECORDINGS, "predicted_size", "contid check --budget", "sessions")(
         loaded,
         rate_hz,
         lambda sink: found.append(

@@ -1,4 +1,4 @@
-"""``contid session info|repair``: what a recording has, and how it becomes whole; extras add to the group."""
+"""``contid session info``: what a recording has; extras add to the group."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from typing import Final
 
 import click
 
-from contid.cli.support.parameters import SESSION, NewFile
+from contid.cli.support.parameters import SESSION
 from contid.cli.support.streams import counting
 from contid.cli.support.table import TableGroup
 
 #: Command -> (module:attribute, one line for ``contid session --help``).
 SESSIONS: Final[dict[str, tuple[str, str]]] = {
     "info": ("contid.cli.commands.session:info", "duration, ticks, robots, faults, events, versions"),
-    "repair": ("contid.cli.commands.session:repair", "a truncated recording"),
 }
 
 command = TableGroup(
@@ -35,18 +34,3 @@ def info(session_file: str, as_json: bool) -> None:
     with counting("ticks read") as count:
         summary = summarize(Session(Path(session_file), count))
     click.echo(json.dumps(asdict(summary)) if as_json else str(summary))
-
-
-@click.command()
-@SESSION
-@click.option("--output", type=NewFile(dir_okay=False), help="Where to; SESSION_FILE is replaced if absent.")
-def repair(session_file: str, output: str | None) -> None:
-    """Repair a truncated SESSION_FILE.
-
-    The incomplete tick is dropped; the rest is indexed and compressed.
-    """
-    from contid.session.compact import repair as repaired
-
-    with counting("ticks read") as count:
-        summary = repaired(Path(session_file), None if output is None else Path(output), count)
-    click.echo(summary)

@@ -16,8 +16,6 @@ from contid import entry_points
 if TYPE_CHECKING:
     from contid.client import Client
     from contid.control.daemon.interfaces import RunObserver
-    from contid.robot_file.load import LoadedFile
-    from contid.session.read import Session
 
 
 class ExtendedCommand(click.Command):
@@ -76,14 +74,4 @@ class GoalOption(Protocol):
 
     def target(self, client: Client, values: Mapping[str, Any]) -> dict[str, float]:
         """The columns of the target, compared with the robots of the daemon."""
-        ...
-
-
-class ExportOption(Protocol):
-    """An option of `contid session export`: an object of the group ``contid.exports``, of the same name."""
-
-    options: Sequence[click.Option]
-
-    def write(self, session: Session, loaded: LoadedFile, path: Path) -> None:
-        """Write a session in the format of another program, with the robots of a robot file."""
         ...

@@ -20,9 +20,8 @@ from contid.cli.support.row_blocks import RowBlock, blocks_of, joined, line_bloc
 from contid.errors import BadInputError, Located
 from contid.kinematics.array import Array
 from contid.robot_file.load import LoadedFile
-from contid.targets import Target
 from contid.trajectory.columns import RobotColumns
-from contid.trajectory.lines import HeaderSearch, lines_from_header, numbered_lines
+from contid.trajectory.lines import HeaderSearch
 from contid.trajectory.rows import RowReader
 
 #: Columns of a result: numbers ``(rows, columns)``, or a tuple of other values for each row.
@@ -71,7 +70,7 @@ def convert_rows(
     conversion: _Conversion | None = None
     search = HeaderSearch()
     with open_rows(path) as source:
-        name = _name(source)
+        name = name_of(source)
         for number, lines in line_blocks(source):
             rows = lines
             for k, line in enumerate(lines if conversion is None else ()):
@@ -83,7 +82,7 @@ def convert_rows(
             if conversion is not None:
                 conversion.take(number + len(lines) - len(rows), rows)
     if conversion is None:
-        raise _no_rows(name)
+        raise no_rows(name)
 
 
 class _Conversion:
@@ -163,31 +162,13 @@ def _text(cells: tuple[bool | int | str, ...]) -> str:
     return ",".join(str(cell).lower() if isinstance(cell, bool) else str(cell) for cell in cells)
 
 
-def read_rows(
-    loaded: LoadedFile, source: TextIO
-) -> Iterator[tuple[Located, float | None, Mapping[str, Target]]]:
-    """Location of each row, its time if it has one, and its targets in the world frame.
-
-    Raises:
-        BadInputError: at the first wrong row.
-    """
-    name = _name(source)
-    rows = lines_from_header(numbered_lines(source))
-    header = next(rows, None)
-    if header is None:
-        raise _no_rows(name)
-    reader = RowReader(header[1], name, loaded.file.robots, header[0])
-    time = reader.layout.time
-    for number, line in chain([header], rows) if reader.is_json else rows:
-        row = reader.row(line, number)
-        yield Located(name, number, 1, ""), None if time is None else row[time], reader.layout.targets(row)
-
-
-def _name(source: TextIO) -> str:
+def name_of(source: TextIO) -> str:
+    """The name of rows in messages."""
     return "stdin" if source is sys.stdin else str(source.name)
 
 
-def _no_rows(name: str) -> BadInputError:
+def no_rows(name: str) -> BadInputError:
+    """The error for an input without rows."""
     return BadInputError([Located(name, 1, 1, "no rows: the first line is a header such as x_mm,y_mm")])
 
 

@@ -8,10 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from contid.clearance.guard import ClearanceGuard
-from contid.control.engine.chain_monitor import ChainMonitor
-from contid.control.engine.clearance_watch import ClearanceWatch
-from contid.control.engine.contact_stage import ContactStage
+from contid.control.engine.chains import ArmsTogether, ChainGuards
 from contid.control.engine.cycle import OnEnd, Sink, Timing
 from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.exchange import Exchange
@@ -20,8 +17,15 @@ from contid.control.engine.outcomes import Outcomes
 from contid.control.engine.pack_record import RecordPacker
 from contid.control.engine.ports import BusPort
 from contid.control.engine.robots import Order, Robots
-from contid.control.engine.sources import Live
-from contid.control.engine.stages import EngineParts, TickStage, stages_of_extras, with_method
+from contid.control.engine.sources import Live, Timed
+from contid.control.engine.stages import (
+    BodyClearance,
+    EngineParts,
+    ReactsToContacts,
+    TickStage,
+    stages_of_extras,
+    with_method,
+)
 from contid.control.engine.stall_watch import StallWatch
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.engine.tick_costs import TickCosts, UnansweredError
@@ -34,7 +38,7 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.robot_tick import TickResult, stop_without_model, tick, tick_again
 from contid.control.tick.supervisor import Mode
-from contid.kinematics.rope.chain import ChainGuard
+from contid.entry_points import CONTACTS, required
 from contid.targets import Target
 from contid.trajectory.timed import Trajectory
 
@@ -62,8 +66,8 @@ class Engine:
         trajectory: Trajectory | None = None,
         on_end: OnEnd = OnEnd.STOP,
         attended: bool = False,
-        guards: Sequence[ChainGuard] = (),
-        clearance: ClearanceGuard | None = None,
+        chains: ChainGuards | None = None,
+        clearance: BodyClearance | None = None,
     ) -> None:
         """Prepare; accesses no device.
 
@@ -76,7 +80,7 @@ class Engine:
             trajectory: what to follow, None to wait for rows or orders.
             on_end: reaction to the end of the source.
             attended: a client may give orders: the run does not end because every robot is in FAULT.
-            guards: of the closed chains among the robots.
+            chains: the closed chains among the robots, None without.
             clearance: what keeps bodies apart, None without.
         """
         self.finished = False
@@ -84,19 +88,25 @@ class Engine:
         self.costs = TickCosts(now, len(configs), tuple(ports))
         self.robots = Robots(configs, sink, self.costs)
         self.exchange = Exchange(self.robots, ports, rate_hz, sink, self.costs)
-        chains = ChainMonitor(guards, self.robots, self.exchange, sink)
+        together = ArmsTogether()
+        if chains is not None:
+            together = chains.monitor(self.robots, self.exchange, sink)
         self.selector = TargetSelector(
-            self.robots, chains, rate_hz, sink, trajectory=trajectory, on_end=on_end, attended=attended
+            self.robots, together, rate_hz, sink, trajectory=trajectory, on_end=on_end, attended=attended
         )
-        contacts = None
+        contacts: ReactsToContacts | None = None
         if any(config.contact is not None for config in configs):
-            contacts = ContactStage(self.robots, self.exchange, chains, sink)
-        parts = EngineParts(self.robots, self.exchange, None if contacts is None else contacts.react, sink)
+            build = required(CONTACTS, "stage", "the key `sense.contact` of a robot", "contact")
+            contacts = build(self.robots, self.exchange, together, sink)
+        react, selector = None if contacts is None else contacts.react, self.selector
+        parts = EngineParts(
+            self.robots, self.exchange, react, sink, lambda: isinstance(selector.source, Timed)
+        )
         stages: list[TickStage] = []
         if clearance is not None:
-            stages.append(ClearanceWatch(clearance, self.robots, self.exchange, self.selector, sink))
-        if chains.chains:
-            stages.append(chains)
+            stages.append(clearance.stage(parts))
+        if together.has_chains:
+            stages.append(together)
         if contacts is not None:
             stages.append(contacts)
         self.body_watch = BodyWatch(self.robots, self.exchange)
@@ -113,7 +123,7 @@ class Engine:
         self._recorder = RecordPacker(self.robots, self.exchange, sink, now)
         self._buses = tuple(ports)
         self._orders = OrderHandler(
-            self.robots, self.selector, self.exchange, chains, stages, sink, self._fail
+            self.robots, self.selector, self.exchange, together, stages, sink, self._fail
         )
         going_back = {} if contacts is None else contacts.going_back
         self._outcomes = Outcomes(self.robots, self.selector, self.exchange, going_back, arrivals, sink)

@@ -1,14 +1,11 @@
 """Every bus once per tick: sends commands and requests to the devices, takes their samples.
 
-A *request* asks the devices of one robot on one bus to arm, to clear a fault, or to rest (`Effect`):
-
-1. `Exchange.ask` queues what is pending of a robot, on every bus that has axes of it.
+1. `DeviceRequests.ask` queues what is pending of a robot, on every bus that has axes of it.
 2. `Exchange.run` gives each idle bus one job: the queued requests, then the exchange of commands and samples.
 3. The reply of the bus names the requests that its devices carried out or refused. A robot whose buses have
    all carried one out goes on (`_done`): it is armed, or leaves its fault.
 
-A bus that is *lost* gets no job but an attempt to open it, once a second. What it did not answer, and what is
-asked meanwhile, is kept for its return as far as it takes power away (`_lose`, `_send`).
+A bus that is *lost* gets no job but an attempt to open it, once a second.
 """
 
 from __future__ import annotations
@@ -17,9 +14,10 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Final, NamedTuple
+from typing import Final
 
 from contid.control.engine.cycle import Sink, Timing
+from contid.control.engine.device_requests import DeviceRequests
 from contid.control.engine.events.buses import BusChanged, BusStalled, DeviceFaultChanged
 from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.order_events import answer_event
@@ -27,28 +25,17 @@ from contid.control.engine.ports import BusJob, BusPort, BusReply
 from contid.control.engine.robots import Robots
 from contid.control.engine.staleness import StalenessMonitor
 from contid.control.engine.tick_costs import TickCosts
-from contid.control.tick import transitions
+from contid.control.tick import fault_exits
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
-from contid.control.tick.state import Effect, OrderRefusedError, RobotState
-from contid.control.tick.supervisor import BY_STRENGTH, REST_OF, Mode, stronger
+from contid.control.tick.state import Effect, OrderRefusedError
+from contid.control.tick.supervisor import REST_OF, Mode, stronger
 from contid.hal import LimitsEffort, Rest, Sample
-from contid.robot_file.base import StopPolicy
 
 #: Interval between two attempts to reopen a lost bus.
 RETRY_S: Final = 1.0
 #: Shortest wait for the buses with workers of their own, together, as a share of the period.
 MIN_SHARE: Final = 0.25
-#: Requests that take the power away.
-_WITHOUT_POWER: Final = (Effect.RELAX, Effect.VENT)
-
-
-class DeviceRequest(NamedTuple):
-    """What is asked of the devices of a robot on one bus; the robot by its index."""
-
-    robot: int
-    effect: Effect
-    axes: tuple[str, ...]
 
 
 class Exchange:
@@ -57,6 +44,7 @@ class Exchange:
     Attributes:
         samples: newest by axis.
         bus_of: by axis, the name of its bus.
+        requests: to the devices of the robots.
         effort_shares: to which the effort of robots was limited last, by name.
         unrested: indices of robots whose devices were asked to rest, and a bus is still at it after the tick.
     """
@@ -81,21 +69,7 @@ class Exchange:
         self._now = costs.now
         self._costs = costs
         self._tick = 0
-        #: By robot, its axes on each of its buses.
-        self._axes_on = [
-            {
-                bus: tuple(axis for axis in config.axes if self.bus_of[axis] == bus)
-                for bus in sorted({self.bus_of[axis] for axis in config.axes})
-            }
-            for config in robots.configs
-        ]
-        #: By bus, the requests of its next job, and those of its newest one.
-        self._queued: dict[str, list[DeviceRequest]] = {name: [] for name in ports}
-        self._sent: dict[str, tuple[DeviceRequest, ...]] = dict.fromkeys(ports, ())
-        #: By bus, what was sent again after a loss and not answered yet: it may be what ends the bus.
-        self._resent: dict[str, set[DeviceRequest]] = {name: set() for name in ports}
-        #: By robot, the buses that have not carried out its newest request yet.
-        self._outstanding: list[set[str]] = [set() for _ in robots.configs]
+        self.requests = DeviceRequests(robots, ports, self.bus_of, sink)
         self._device_faults: dict[str, str] = {}
         self._staleness = StalenessMonitor(
             {name: tuple(port.bus.axes) for name, port in ports.items()}, rate_hz, sink
@@ -104,7 +78,9 @@ class Exchange:
     @property
     def busy(self) -> bool:
         """True while a bus that is not lost has an answer or a queued request outstanding."""
-        return any((port.busy or self._queued[name]) and not port.lost for name, port in self._ports.items())
+        return any(
+            (port.busy or self.requests.queued[name]) and not port.lost for name, port in self._ports.items()
+        )
 
     @property
     def requested(self) -> bool:
@@ -119,52 +95,6 @@ class Exchange:
         except KeyError:  # before the first exchange of one of its buses
             return ()
 
-    def owed(self, index: int) -> StopPolicy | None:
-        """The stop policy whose rest a lost bus of a robot gets when it is back; None for none."""
-        asked = [
-            StopPolicy(effect.name.lower())
-            for name, port in self._ports.items()
-            for robot, effect, _ in (self._queued[name] if port.lost else ())
-            if robot == index
-        ]
-        return max(asked, key=BY_STRENGTH.index, default=None)
-
-    def ask(self, index: int, state: RobotState) -> RobotState:
-        """Queue the pending requests of a robot in their order; returns its state without them."""
-        for effect in state.pending:
-            self._queue(index, effect)
-        return replace(state, pending=())
-
-    def _queue(self, index: int, effect: Effect) -> None:
-        """Queue one request of a robot; an event names each lost bus that it does not reach now."""
-        lost = [bus for bus in self._axes_on[index] if self._ports[bus].lost]
-        name = self._robots.configs[index].name
-        if lost and effect is Effect.CLEAR:
-            message = f"{name}: not cleared, {self._ports[lost[0]].lost}"
-            self._sink.event(OrderRefused(robot=name, message=message))
-            return
-        for bus in lost:
-            later = ", and it is sent if the bus comes back in this run" if effect in _WITHOUT_POWER else ""
-            message = (
-                f"{name}: {effect.name.lower()} does not reach its devices on {bus}, which is lost; "
-                f"their own watchdog stops them{later}"
-            )
-            self._sink.event(BusChanged(bus=bus, message=message))
-        self._send(index, effect)
-
-    def _send(self, index: int, effect: Effect) -> None:
-        """Queue a request on every bus of a robot; a lost one has it when it is back if it takes power away.
-
-        To hold is not asked then: devices whose watchdog let them vent meanwhile would close their valves.
-        """
-        for bus, axes in self._axes_on[index].items():
-            request = DeviceRequest(index, effect, axes)
-            if not self._ports[bus].lost:
-                self._outstanding[index].add(bus)
-            elif effect not in _WITHOUT_POWER or request in self._queued[bus]:
-                continue
-            self._queued[bus].append(request)
-
     def limit_effort(self, who: Sequence[str] | None, share: float) -> dict[str, bool]:
         """Limit the effort of robots by name (None: all); by robot, whether it has an axis for it."""
         limited = {}
@@ -173,7 +103,8 @@ class Exchange:
                 continue
             self.effort_shares[config.name] = share
             on_buses = [
-                self._limit_on(config.name, name, axes, share) for name, axes in self._axes_on[index].items()
+                self._limit_on(config.name, name, axes, share)
+                for name, axes in self.requests.axes_on[index].items()
             ]
             limited[config.name] = any(on_buses)
         return limited
@@ -206,11 +137,10 @@ class Exchange:
             if port.lost:
                 if timing.tick >= port.retry_at:
                     port.retry_at = timing.tick + max(int(RETRY_S * self._rate_hz), 1)
-                    self._sent[name] = ()
+                    self.requests.of_job(name, reopens=True)
                     port.start(BusJob({}, reopen=True))
                 continue
-            self._sent[name], self._queued[name] = tuple(self._queued[name]), []
-            port.start(BusJob(commands[name], self._sent[name]))
+            port.start(BusJob(commands[name], self.requests.of_job(name)))
             before_s, at_s = at_s, now()
             buses_s[name] = at_s - before_s
         # 2. The replies, by one deadline for all buses; in a late tick they get a share of the period, too.
@@ -221,9 +151,8 @@ class Exchange:
                 self._take_over(name, port, answer, now_s)
             elif port.busy and not port.lost:
                 self._stalled(name, port, now_s)
-            if (port.busy or self._queued[name]) and not port.lost:
-                asked = (*(self._sent[name] if port.busy else ()), *self._queued[name])
-                self.unrested.update([each.robot for each in asked if isinstance(each.effect.value, Rest)])
+            if (port.busy or self.requests.queued[name]) and not port.lost:
+                self.unrested.update(self.requests.rests_of(name, port.busy))
         # 3. How old the samples are now.
         after_s = now()
         self._costs.waited_s = min(after_s, end_s) - at_s
@@ -237,8 +166,8 @@ class Exchange:
         for index, config in enumerate(self._robots.configs):
             state = self._robots.states[index]
             powered = state.enabled or state.mode is Mode.ARMING
-            for name, axes in self._axes_on[index].items():
-                queued = [effect for robot, effect, _ in self._queued[name] if robot == index]
+            for name, axes in self.requests.axes_on[index].items():
+                queued = [effect for robot, effect, _ in self.requests.queued[name] if robot == index]
                 rests = [each.value for each in (*queued, *state.pending) if isinstance(each.value, Rest)]
                 for rest in [*([REST_OF[config.stops.on_host_loss]] if powered else []), *rests]:
                     with suppress(Exception):
@@ -255,17 +184,14 @@ class Exchange:
         if port.lost:
             port.lost = ""
             self._sink.event(BusChanged(bus=name, message=f"{name} is back; clear-fault, then resume"))
-        self._resent[name].difference_update(self._sent[name])
+        self.requests.answered(name)
         assert answer.samples is not None
         self._keep(port, answer.samples)
         for index, effect in answer.done:
-            if any(index == each.robot for each in self._queued[name]):
-                continue  # an older request of the robot: the newest one waits for the bus
-            self._outstanding[index].discard(name)
-            if not self._outstanding[index]:
+            if self.requests.carried_out(name, index):
                 self._done(index, effect, now_s)
         for index, effect, message in answer.refused:
-            self._outstanding[index].discard(name)
+            self.requests.refused(name, index)
             if effect is Effect.ENABLE and self._robots.states[index].mode is Mode.ARMING:
                 self._robots.fail(index, Fault.ARM_REFUSED, message, now_s)
             else:
@@ -294,7 +220,7 @@ class Exchange:
             robots.states[index] = replace(state, enabled=True)
         elif effect is Effect.CLEAR:
             try:
-                robots.states[index] = transitions.clear(config, state, self.samples_of(config), now_s)
+                robots.states[index] = fault_exits.clear(config, state, self.samples_of(config), now_s)
             except OrderRefusedError as error:
                 self._sink.event(OrderRefused(robot=config.name, message=str(error)))
 
@@ -305,19 +231,17 @@ class Exchange:
         buses at once, those on this one when it is back, or before by their own watchdog.
         """
         port.lose(message)
-        asked = _unless_armed_since((*self._sent[name], *self._queued[name]))
-        self._queued[name] = [each for each in asked if each not in self._resent[name]]
-        self._resent[name].update(self._queued[name])
+        self.requests.keep_for_return(name)
         self._invalidate(port)
         for index in self._robots_on(name):
-            self._outstanding[index].discard(name)
+            self.requests.refused(name, index)
             state, config = self._robots.states[index], self._robots.configs[index]
             if state.mode is Mode.FAULT:  # its braking ends
                 self._robots.states[index] = replace(state, enabled=False, motion=None, policy=None)
             elif state.mode is not Mode.OFF:
                 self._robots.fail(index, fault, message, now_s)
             if state.enabled or state.mode is Mode.ARMING:
-                self._send(index, Effect(REST_OF[stronger(config.stops.on_fault, state.policy)]))
+                self.requests.send(index, Effect(REST_OF[stronger(config.stops.on_fault, state.policy)]))
 
     def _stalled(self, name: str, port: BusPort, now_s: float) -> None:
         """A bus did not answer in time: a missed exchange for its robots; lost after ``tolerance_ticks``."""
@@ -333,21 +257,10 @@ class Exchange:
 
     def _robots_on(self, bus: str) -> list[int]:
         """Indices of the robots that have axes on a bus."""
-        return [index for index, axes in enumerate(self._axes_on) if bus in axes]
+        return [index for index, axes in enumerate(self.requests.axes_on) if bus in axes]
 
     def _invalidate(self, port: BusPort) -> None:
         """Mark the newest samples of a bus as not of this tick."""
         for axis in port.bus.axes:
             if axis in self.samples:
                 self.samples[axis] = replace(self.samples[axis], valid=False)
-
-
-def _unless_armed_since(asked: Sequence[DeviceRequest]) -> list[DeviceRequest]:
-    """The requests that take power away, but for those of robots that were armed after them."""
-    kept: list[DeviceRequest] = []
-    for request in asked:
-        if request.effect is Effect.ENABLE:
-            kept = [each for each in kept if each.robot != request.robot]
-        elif request.effect in _WITHOUT_POWER:
-            kept.append(request)
-    return kept

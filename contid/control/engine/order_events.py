@@ -1,4 +1,4 @@
-"""Orders and bus answers as events, and back: the inputs of a tick that a record does not hold.
+"""Orders and bus answers as events: the inputs of a tick that a record does not hold.
 
 A replay needs five kinds of events besides the records: ``order``, ``overran``, ``answer``, ``stall`` and
 ``device`` (`contid.control.engine.events`). A bus with neither ``answer`` nor ``stall`` in a tick answered
@@ -7,7 +7,6 @@ with the samples of the record.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any, Final, get_args
 
@@ -15,14 +14,10 @@ from contid.control.engine import messages as msg
 from contid.control.engine.events.buses import BusAnswered
 from contid.control.engine.events.robots import OrderGiven
 from contid.control.engine.ports import BusReply
-from contid.control.tick.faults import Fault
-from contid.control.tick.state import Effect
-from contid.errors import ContidError
-from contid.robot_file.base import StopPolicy
 from contid.targets import ZERO3, Target
 
 #: Orders whose event has the fields of the message, by name.
-_AS_THEY_ARE: Final[dict[str, type[msg.Message]]] = {
+AS_THEY_ARE: Final[dict[str, type[msg.Message]]] = {
     kind.NAME: kind
     for kind in get_args(msg.Message)
     if hasattr(kind, "NAME") and kind not in (msg.Rows, msg.Goto, msg.Measured, msg.Play)
@@ -55,49 +50,9 @@ def _order(message: object) -> dict[str, Any] | None:
             played = {"order": msg.Play.NAME, "rows": len(trajectory)}
             return {**played, "waits": True} if waits else played
     name = getattr(message, "NAME", "")
-    if name not in _AS_THEY_ARE:
+    if name not in AS_THEY_ARE:
         return None
-    return {"order": name, **{each.name: getattr(message, each.name) for each in fields(_AS_THEY_ARE[name])}}
-
-
-def order_of(event: OrderGiven) -> msg.Message:
-    """The message of an event.
-
-    Raises:
-        ContidError: an unknown order, or one whose event does not hold all of it (a trajectory).
-        ValueError, KeyError, TypeError, AttributeError: its keys are damaged.
-    """
-    order = event.order
-    kind = order["order"]
-    if kind in _AS_THEY_ARE:
-        given = {each.name: order[each.name] for each in fields(_AS_THEY_ARE[kind]) if each.name in order}
-        if given.get("robots") is not None:
-            given["robots"] = tuple(given["robots"])
-        if given.get("policy") is not None:
-            given["policy"] = StopPolicy(given["policy"])
-        return _AS_THEY_ARE[kind](**given)
-    match kind:
-        case msg.Rows.NAME:
-            # Recordings of earlier versions have one event per robot of a row.
-            before = {order["robot"]: order["target"]} if "robot" in order else {}
-            targets = order.get("targets", before)
-            return msg.Rows({robot: target_of(each) for robot, each in targets.items()})
-        case msg.Measured.NAME:
-            x, y, z = order["tip_m"]
-            direction = order.get("direction")
-            # Recordings of earlier versions have neither direction nor age.
-            return msg.Measured(
-                order["robot"],
-                (x, y, z),
-                None if direction is None else tuple(direction),
-                order.get("age_s", 0.0),
-            )
-        case msg.Goto.NAME:
-            target = target_of(order["target"])
-            if target is not None:
-                force_n = order.get("until_force_n")
-                return msg.Goto(order["robot"], target, None if force_n is None else float(force_n))
-    raise ContidError(f"tick {event.tick}: the order {kind!r} cannot be repeated from a recording")
+    return {"order": name, **{each.name: getattr(message, each.name) for each in fields(AS_THEY_ARE[name])}}
 
 
 def answer_event(answer: BusReply, bus: str, tick: int) -> BusAnswered:
@@ -106,17 +61,6 @@ def answer_event(answer: BusReply, bus: str, tick: int) -> BusAnswered:
     refused = [[robot, effect.name, message] for robot, effect, message in answer.refused]
     return BusAnswered(
         tick=tick, bus=bus, lost=answer.lost, done=done, refused=refused, fault=int(answer.fault)
-    )
-
-
-def answer_of(event: BusAnswered) -> BusReply:
-    """The answer of an event; its samples are in the record of the tick."""
-    return BusReply(
-        None,
-        event.lost,
-        [(robot, Effect[name]) for robot, name in event.done],
-        [(robot, Effect[name], message) for robot, name, message in event.refused],
-        Fault(event.fault),
     )
 
 
@@ -137,11 +81,3 @@ def _target(target: Target | None) -> dict[str, Any] | None:
         "measured_direction": target.measured_direction,
     }
     return {name: value for name, value in values.items() if value is not None}
-
-
-def target_of(values: Mapping[str, Any] | None) -> Target | None:
-    """The target of an ``order`` event."""
-    if values is None:
-        return None
-    given: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
-    return Target(**given)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from contid.control.engine import messages as msg
-from contid.control.engine.chain_monitor import ChainMonitor
+from contid.control.engine.chains import ArmsTogether
 from contid.control.engine.cycle import Sink
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import EffortLimited, MarkReached, OrderRefused
@@ -15,7 +15,7 @@ from contid.control.engine.order_events import order_event, rows_event
 from contid.control.engine.robots import Order, Robots, Stopping
 from contid.control.engine.stages import TickStage, with_method
 from contid.control.engine.target_selector import TargetSelector
-from contid.control.tick import transitions
+from contid.control.tick import fault_exits, transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import stronger
@@ -59,7 +59,7 @@ class OrderHandler:
         robots: Robots,
         selector: TargetSelector,
         exchange: Exchange,
-        chains: ChainMonitor,
+        chains: ArmsTogether,
         stages: Sequence[TickStage],
         sink: Sink,
         stage_failed: Callable[[TickStage, Exception, float], None],
@@ -80,7 +80,7 @@ class OrderHandler:
         selector = self._selector
         if isinstance(message, msg.Rows):
             self._sink.event(rows_event(message, tick_number))
-            if self._chains.chains:
+            if self._chains.has_chains:
                 self._chains.begin_gotos(now_s)
             if not selector.finishing:  # nothing may delay the end of a run
                 selector.rows(message.targets, now_s)
@@ -90,7 +90,7 @@ class OrderHandler:
             message = msg.Hold()
         if (order := order_event(message, tick_number)) is not None:
             self._sink.event(order)
-        if self._chains.chains and not isinstance(message, msg.Goto):
+        if self._chains.has_chains and not isinstance(message, msg.Goto):
             self._chains.begin_gotos(now_s)
         # A client that gives orders may give more: the run then waits even if every robot is in FAULT.
         selector.attended = selector.attended or not isinstance(message, msg.Measured | msg.EndOfRows)
@@ -151,9 +151,9 @@ class OrderHandler:
             case msg.Grip(share, who):
                 self._limit_effort(who, share, tick_number)
             case msg.ClearFault(who):
-                robots.order(who, transitions.ask_clear, now_s)
+                robots.order(who, fault_exits.ask_clear, now_s)
             case msg.Recover(who):
-                robots.order(who, transitions.recover, now_s)
+                robots.order(who, fault_exits.recover, now_s)
             case msg.Finish(policy, reason):
                 selector.finish(policy, reason, now_s)
 
@@ -162,7 +162,7 @@ class OrderHandler:
         for index, (config, state) in enumerate(zip(self._robots.configs, self._robots.states, strict=True)):
             if who is not None and config.name not in who:
                 continue
-            asked, owed = order.policy_of(config), self._exchange.owed(index)
+            asked, owed = order.policy_of(config), self._exchange.requests.owed(index)
             policy, how = state.policy, "goes on"
             if owed is not None and stronger(owed, policy) is not policy:
                 policy, how = owed, "is sent to its devices when their bus is back"

@@ -16,9 +16,9 @@ from contid.control.engine.sources import Timed
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.engine.watch.arrivals import Arrivals
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.contact.squeeze_way import SqueezeEnd, SqueezeReport
 from contid.control.tick.preflight.reasons import NEAR_M
 from contid.control.tick.robot_tick import TickResult
+from contid.control.tick.squeezing import SqueezeEnd, SqueezeReport
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
 from contid.targets import Target
@@ -45,7 +45,7 @@ class Outcomes:
         arrivals: Arrivals,
         sink: Sink,
     ) -> None:
-        """``going_back``: see `contid.control.engine.contact_stage.ContactStage`."""
+        """``going_back``: see `contid.control.engine.stages.ReactsToContacts`."""
         self._robots = robots
         self._selector = selector
         self._exchange = exchange
@@ -80,7 +80,7 @@ class Outcomes:
         retreating = index in self._going_back
         state = outcome.state
         if state.pending:
-            state = self._exchange.ask(index, state)
+            state = self._exchange.requests.ask(index, state)
         if outcome.squeezed is not None:
             self._sink.event(_squeeze_event(config, number, outcome.squeezed))
         if going is not None and state.goto is None and not recovered:

@@ -10,7 +10,7 @@ from contid.control.engine import messages as msg
 from contid.control.engine.cycle import Sink
 from contid.control.engine.events.robots import FaultLatched, ModeChanged, OrderRefused, RobotOverran
 from contid.control.engine.tick_costs import TickCosts, UnansweredError
-from contid.control.tick import transitions
+from contid.control.tick import fault_exits, transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault, describe
 from contid.control.tick.state import OrderRefusedError, RobotState
@@ -27,7 +27,7 @@ T = TypeVar("T")
 #: The question of a model that is the tick of its robot; those beside it are counted from 0 in every tick.
 IN_TICK: Final = -1
 #: Orders that are refused where they apply to no robot.
-_GO_ON: Final = (transitions.resume, transitions.recover)
+_GO_ON: Final = (transitions.resume, fault_exits.recover)
 
 
 @record(frozen=True, slots=True)
@@ -117,7 +117,7 @@ class Robots:
         skips = who is None and not (order in _GO_ON and refused.keys() == self._index.keys())
         for name, message in refused.items():
             mode = self.states[self._index[name]].mode
-            clears = order is transitions.ask_clear and mode is Mode.FAULT
+            clears = order is fault_exits.ask_clear and mode is Mode.FAULT
             if not skips or clears or mode is Mode.STOPPING:
                 self._refuse(name, message)
 

@@ -19,6 +19,7 @@ from typing import Final, Protocol, TypeAlias
 from contid.control.engine.cycle import Sink, Timing
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.robots import Robots
+from contid.control.tick.preflight.kept_apart import ChecksClearance
 from contid.control.tick.robot_tick import TickResult
 from contid.errors import ContidError
 from contid.targets import Target
@@ -78,6 +79,21 @@ class React(Protocol):
         """
 
 
+class ReactsToContacts(TickStage):
+    """The stage of the robots that look for contacts.
+
+    Attributes:
+        going_back: targets of the robots on their way back by their index, None while they brake. A robot is
+            in it from a contact until it is back; only then the end of its goto is reported.
+    """
+
+    going_back: Mapping[int, Target | None]
+
+    def react(self, index: int, found_s: float, what: str, now_s: float) -> None:
+        """See `React`."""
+        raise NotImplementedError
+
+
 @dataclass(frozen=True, slots=True)
 class EngineParts:
     """What a stage of an extra may use of the engine.
@@ -88,12 +104,21 @@ class EngineParts:
         exchange: with their devices.
         react: to contacts; None where no robot looks for any.
         sink: of the events.
+        follows_trajectory: True while the source of targets is a trajectory, whose rows were checked before.
     """
 
     robots: Robots
     exchange: Exchange
     react: React | None
     sink: Sink
+    follows_trajectory: Callable[[], bool]
+
+
+class BodyClearance(ChecksClearance, Protocol):
+    """What a robot file keeps apart, in the tick too: the extra `clearance` builds it."""
+
+    def stage(self, parts: EngineParts) -> TickStage:
+        """The stage that keeps the bodies apart."""
 
 
 #: Builds the stage of the robot with an index, None when it needs none.

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from contid.control.engine.chain_monitor import ChainMonitor
+from contid.control.engine.chains import ArmsTogether
 from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.events.run import SourceEnded, StopBegan, StreamDelayed
 from contid.control.engine.messages import RobotNames
@@ -49,7 +49,7 @@ class TargetSelector:
     def __init__(
         self,
         robots: Robots,
-        chains: ChainMonitor,
+        chains: ArmsTogether,
         rate_hz: float,
         sink: Sink,
         *,

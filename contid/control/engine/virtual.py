@@ -11,7 +11,7 @@ from contid.control.engine.events.buses import TicksSkipped
 from contid.control.engine.messages import EndOfRows, Message, Rows
 from contid.control.engine.ports import BusPort, BusTrackers
 from contid.control.engine.report import RunReport, robot_reports
-from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard, open_buses
+from contid.control.engine.wiring import build_robot_configs, chains_of, clearance_of, open_buses
 from contid.robot_file.load import LoadedFile
 from contid.targets import Target
 from contid.trajectory.timed import Trajectory
@@ -64,7 +64,7 @@ class VirtualProcess:
         self.engine = Engine(
             build_robot_configs(loaded, rate_hz), self.ports, rate_hz, sink, self.clock.now,
             trajectory=trajectory, on_end=on_end, attended=attended,
-            guards=chain_guards(loaded), clearance=clearance_guard(loaded),
+            chains=chains_of(loaded), clearance=clearance_of(loaded),
         )  # fmt: skip
         self._trackers = BusTrackers(self.buses.values())
         self.tick = self.skipped = self.cycles = 0

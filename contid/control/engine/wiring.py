@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from contid.clearance.guard import ClearanceGuard
-from contid.clearance.lead import lead_around
+from contid.control.engine.chains import ChainGuards
+from contid.control.engine.stages import BodyClearance
 from contid.control.engine.tick_layout import RecordLayout, RobotLayout
 from contid.control.tick.config import RobotConfig, robot_config
+from contid.control.tick.preflight.kept_apart import ChecksRope
 from contid.control.tick.preflight.rows import Preflight, Unreachable
 from contid.control.tick.transmission import RobotTransmission
+from contid.entry_points import CHAINS, CLEARANCE, required
 from contid.errors import ContidError, DriverDefectError
 from contid.hal import (
     RESPONSES,
@@ -29,7 +31,6 @@ from contid.hal import (
     load_driver,
 )
 from contid.hal.isolated import IsolatedAxisOptions, IsolatedBusOptions
-from contid.kinematics.rope.chain import ChainGuard
 from contid.kinematics.tendon.described import spooled_tendons
 from contid.robot_file.chain import Chain
 from contid.robot_file.cosserat import Cosserat
@@ -176,10 +177,8 @@ def build_robot_configs(loaded: LoadedFile, rate_hz: float) -> tuple[RobotConfig
         )
         for name, robot in loaded.driven.items()
     )
-    clearance = loaded.file.clearance
-    if clearance is not None and clearance.obstacles:
-        for config in configs:
-            lead_around(config.model, config.frame, config.name, clearance)
+    if loaded.file.clearance is not None and loaded.file.clearance.obstacles:
+        _clearance(loaded).lead(configs, loaded)
     return configs
 
 
@@ -193,26 +192,40 @@ def device_response(wiring: BusWiring, axis: BaseModel) -> DeviceResponse:
     return RESPONSES[driver.kind(axis)]
 
 
-def chain_guards(loaded: LoadedFile) -> list[ChainGuard]:
+def chains_of(loaded: LoadedFile) -> ChainGuards | None:
+    """The closed chains of a file, None without.
+
+    Raises:
+        ContidError: the extra is not installed.
+    """
+    names = [name for name, robot in loaded.file.robots.items() if isinstance(robot, Chain)]
+    if not names:
+        return None
+    what = f"{loaded.path}: robots.{names[0]}: its model `chain`"
+    built: ChainGuards = required(CHAINS, "ropes", what, "ropes")(loaded)
+    return built
+
+
+def chain_guards(loaded: LoadedFile) -> Sequence[ChecksRope]:
     """The guards of the closed chains of a file."""
-    robots = loaded.file.robots.items()
-    return [ChainGuard(name, robot) for name, robot in robots if isinstance(robot, Chain)]
+    chains = chains_of(loaded)
+    return () if chains is None else chains.guards
 
 
-def clearance_guard(loaded: LoadedFile) -> ClearanceGuard | None:
+def clearance_of(loaded: LoadedFile) -> BodyClearance | None:
     """What a file keeps apart, None when it does not state it.
 
     Raises:
-        ContidError: bodies are too near with every robot at its rest pose.
+        ContidError: bodies are too near with every robot at its rest pose; the extra is not installed.
     """
-    clearance = loaded.file.clearance
-    if clearance is None:
+    if loaded.file.clearance is None:
         return None
-    guard = ClearanceGuard(loaded.file, clearance)
-    nearest = guard.at_rest()
-    if nearest and nearest[0].spare_m < 0.0:
-        raise ContidError(f"{loaded.path}: at the rest pose, {nearest[0]}")
-    return guard
+    built: BodyClearance = _clearance(loaded)(loaded)
+    return built
+
+
+def _clearance(loaded: LoadedFile) -> Any:
+    return required(CLEARANCE, "bodies", f"{loaded.path}: its key `clearance`", "clearance")
 
 
 def build_preflight(loaded: LoadedFile, rate_hz: float, unreachable: Unreachable) -> Preflight | None:
@@ -221,7 +234,7 @@ def build_preflight(loaded: LoadedFile, rate_hz: float, unreachable: Unreachable
     Raises:
         ContidError: nearest points are allowed, and bodies are to be kept apart.
     """
-    guards, clearance = chain_guards(loaded), clearance_guard(loaded)
+    guards, clearance = chain_guards(loaded), clearance_of(loaded)
     if unreachable is Unreachable.NEAREST and clearance is not None:
         raise ContidError(
             f"{loaded.path}: nearest points of targets out of reach are not checked for clearance; "

@@ -26,7 +26,7 @@ from contid.control.engine.events.run import LogWritten, NoteWritten, RunFailed,
 from contid.control.engine.messages import Finish, Start
 from contid.control.engine.ports import BusPort, BusTrackers
 from contid.control.engine.report import robot_reports
-from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard, open_buses
+from contid.control.engine.wiring import build_robot_configs, chains_of, clearance_of, open_buses
 from contid.control.process.isolation.model_port import ModelPort
 from contid.control.process.isolation.model_ports import begin_ticks, model_ports
 from contid.control.process.isolation.port import IsolatedPort, isolated_ports
@@ -110,7 +110,7 @@ class ControlProcess:
         self.engine = Engine(
             build_robot_configs(setup.loaded, setup.rate_hz), ports, setup.rate_hz, ring, self._clock.now,
             trajectory=setup.trajectory, on_end=setup.on_end, attended=setup.attended,
-            guards=chain_guards(setup.loaded), clearance=clearance_guard(setup.loaded),
+            chains=chains_of(setup.loaded), clearance=clearance_of(setup.loaded),
         )  # fmt: skip
         self.engine.costs.mark = ring.mark_robot
         begin_ticks(models, self.engine.costs, setup.rate_hz)

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.joint_steps import within
 from contid.control.tick.state import FULL_PACE, AxisMotion, RobotState
+from contid.control.tick.ways.joint_steps import within
 from contid.targets import Actuation, Target
 from contid.trajectory.approach import Approach
 from contid.trajectory.standstill import JerkLimitedStop

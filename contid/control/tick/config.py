@@ -12,8 +12,10 @@ from contid.control.tick.follow.responses import axis_responses
 from contid.control.tick.limits import AxisLimits, axis_limits
 from contid.control.tick.shaping import ShaperChoice
 from contid.control.tick.shared_limits import SharedLimits
+from contid.control.tick.squeezing import Squeezes
 from contid.control.tick.taut import lift_n
 from contid.control.tick.transmission import RobotTransmission
+from contid.entry_points import CONTACTS, required
 from contid.hal import DeviceResponse, Sample
 from contid.kernels import load
 from contid.kinematics.extra_axes import build_whole_model
@@ -143,6 +145,7 @@ class RobotConfig:
     usual_a: float = 0.0
     contact_a: float = 0.0
     nm_per_a: float = 0.0
+    squeezes: Squeezes | None = None
     straight: bool = False
     shared: SharedLimits | None = None
     responses: tuple[AxisResponse, ...] = ()
@@ -228,6 +231,7 @@ def robot_config(
         usual_a=0.0 if currents is None else currents.usual_ma / 1e3,
         contact_a=0.0 if currents is None else currents.contact_ma / 1e3,
         nm_per_a=0.0 if currents is None or currents.nm_per_a is None else currents.nm_per_a,
+        squeezes=_squeezes(name, robot),
         straight=taut is not None or getattr(model, "straight_approach", False),
         shared=getattr(model, "shared", None),
         responses=axis_responses(robot, transmission, devices, period_s),
@@ -236,6 +240,14 @@ def robot_config(
         if robot.rates.shape is None
         else ShaperChoice.of(robot.rates.shape, robot.quantity, period_s),
     )
+
+
+def _squeezes(name: str, robot: RobotDescription) -> Squeezes | None:
+    """What closes the tip of a robot until a force, None where no force follows from its currents."""
+    if not isinstance(robot, RackFinger) or robot.sense is None or robot.sense.nm_per_a is None:
+        return None
+    found: Squeezes = required(CONTACTS, "squeeze", f"{name}: its key `sense.nm_per_a`", "contact")
+    return found
 
 
 def _loops(robot: RobotDescription) -> Actuation | None:

@@ -9,7 +9,7 @@ there and the others take their part, after F. Flacco, A. De Luca, O. Khatib, "C
 Under Hard Joint Constraints: Saturation in the Null Space", IEEE Trans. Robotics 31(3), 2015.
 
 Where no command within the limits has its tip on target (a jump, a path that is too fast), all axes go by one
-share along a straight line to it (`contid.control.tick.chord`).
+share along a straight line to it (`contid.control.tick.ways.chord`).
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from typing import Final
 import numpy as np
 
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.joint_steps import within
 from contid.control.tick.limits import allowed_steps
 from contid.control.tick.shared_limits import limit_shared
 from contid.control.tick.taut import keeps_tensions, limit_taut
-from contid.control.tick.way import Way
+from contid.control.tick.ways.joint_steps import within
+from contid.control.tick.ways.way import Way
 from contid.robot_file.base import Quantity
 from contid.targets import Actuation, Target
 
@@ -61,7 +61,7 @@ def next_command(
         reference_steps: how far it moved in this tick.
         target_in_base: what the reference answers; None for a motion of the axes.
         straight: the axes are on a straight line to the reference, because the tip cannot be
-            (`contid.control.tick.way`).
+            (`contid.control.tick.ways.way`).
         keeps_jerk: the reference is that of `contid.control.tick.jerk_guard`, from which the axes can stop.
     """
     if reference == last and not any(last_steps) and not any(reference_steps):

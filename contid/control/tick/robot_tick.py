@@ -16,8 +16,6 @@ from typing import Final
 from contid.control.tick.arming import approach, next_arming
 from contid.control.tick.axis_motions import braking, braking_at_once, inwards
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.contact.squeeze import next_squeeze
-from contid.control.tick.contact.squeeze_way import Squeeze, SqueezeEnd, SqueezeReport
 from contid.control.tick.faults import Fault, of_device
 from contid.control.tick.jerk_guard import Guarded, guarded
 from contid.control.tick.limits import ACCELERATION
@@ -25,6 +23,7 @@ from contid.control.tick.next_command import next_command
 from contid.control.tick.play import led, next_lead
 from contid.control.tick.regulator_loops import next_loop_lead
 from contid.control.tick.shaping import next_shaped
+from contid.control.tick.squeezing import Squeeze, SqueezeEnd, SqueezeReport
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Event, Mode
 from contid.control.tick.taut import lifted
@@ -212,7 +211,8 @@ def _squeezed(
     config: RobotConfig, state: RobotState, squeeze: Squeeze, now_s: float, samples: Sequence[Sample]
 ) -> TickResult:
     """Close on an object, or hold it; where that ends stop jerk-limited."""
-    squeeze, report = next_squeeze(config, squeeze, samples)
+    assert config.squeezes is not None
+    squeeze, report = config.squeezes.next_squeeze(config, squeeze, samples)
     if report is not None and report.end is not SqueezeEnd.REACHED:
         if state.mode is Mode.HOLD:
             ended = braking(config, state, now_s)

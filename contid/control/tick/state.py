@@ -5,10 +5,10 @@ from __future__ import annotations
 import enum
 from typing import Final, TypeAlias
 
-from contid.control.tick.contact.squeeze_way import Squeeze
 from contid.control.tick.faults import Fault
 from contid.control.tick.play import NO_LEAD, Lead
 from contid.control.tick.shaping import NOT_SHAPED, Shaped
+from contid.control.tick.squeezing import Squeeze
 from contid.control.tick.supervisor import Mode
 from contid.control.tick.tip_feedback import Correction
 from contid.errors import ContidError
@@ -87,7 +87,7 @@ class RobotState:
         correction: of the closed loop on the tip.
         recovering: to move inside the limits slowly once armed, or on the way.
         lead: what is added to commands to lead play and friction of the drives; none at rest.
-        straight: the axes go on a straight line to the answer (`contid.control.tick.way`).
+        straight: the axes go on a straight line to the answer (`contid.control.tick.ways.way`).
         squeeze: the tip closes until a force, or holds it.
         guard: of a robot that follows live targets; None for one that does not.
         shaped: what goes to the devices of a robot whose commands are shaped.

@@ -8,9 +8,9 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from contid.control.tick.chord import Displacement
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import AxisLimits
+from contid.control.tick.ways.chord import Displacement
 from contid.kinematics.array import Array, size_of
 from contid.targets import Actuation, Pose, Target, Vec3, vec3
 

@@ -10,20 +10,18 @@ Each takes the state and returns the next one. Three parts of a state belong tog
 A robot brakes by a ``motion`` of its commands (`contid.control.tick.axis_motions.braking`), which the ticks
 follow. `bring_to_rest` is the end of it: no commands any more, the devices asked to hold, relax or vent.
 
-The order of this file: the event, following and moving, stops, faults, leaving a fault.
+The order of this file: the event, following and moving, stops, faults; `fault_exits` has what leaves a fault.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
 from contid.control.tick.axis_motions import braking, braking_at_once, motion_to, outside, planned, rates
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.contact.squeeze import why_not
-from contid.control.tick.contact.squeeze_way import Squeeze
 from contid.control.tick.faults import WITHOUT_MODEL, Fault
+from contid.control.tick.squeezing import Squeeze
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
 from contid.control.tick.supervisor import (
     ARMED,
@@ -36,7 +34,7 @@ from contid.control.tick.supervisor import (
     order_of,
     stronger,
 )
-from contid.hal import Rest, Sample
+from contid.hal import Rest
 from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Target
 
@@ -159,7 +157,11 @@ def _require_squeezable(config: RobotConfig, state: RobotState, target: Target) 
     """Refuse a move until a force that cannot be measured or begin here."""
     if state.squeeze is not None and state.squeeze.reached:
         raise OrderRefusedError(f"{config.name}: it holds an object; move back from it first")
-    if why := why_not(config, state.command, config.frame.target_in_base(target)):
+    if config.squeezes is None:
+        why = "no force follows from its currents without sense.nm_per_a in the robot file"
+    else:
+        why = config.squeezes.why_not(config, state.command, config.frame.target_in_base(target))
+    if why:
         raise OrderRefusedError(f"{config.name}: {why}")
 
 
@@ -182,7 +184,7 @@ def stop(config: RobotConfig, state: RobotState, policy: StopPolicy, now_s: floa
         policy = stronger(policy, state.policy)
         if state.mode is Mode.STOPPING and policy is state.policy:
             return state
-    if _brakes(config, state) and policy is not StopPolicy.VENT:
+    if brakes_in_fault(config, state) and policy is not StopPolicy.VENT:
         return replace(after, policy=policy)
     if after.mode in (Mode.OFF, Mode.FAULT):
         return _stop_at_standstill(state, after, policy)
@@ -274,76 +276,7 @@ def too_near(config: RobotConfig, state: RobotState, message: str, now_s: float)
     return braking_at_once(config, latch_fault(config, state, Fault.TOO_NEAR, message, now_s), now_s)
 
 
-def recover(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """Move inside the limits, slowly, then hold: out of the fault that reports it, or from HOLD.
-
-    Raises:
-        OrderRefusedError: the robot is not outside its limits, or in another state.
-    """
-    if state.mode is Mode.HOLD and state.command:
-        if not outside(config, state.command):
-            raise OrderRefusedError(
-                f"{config.name}: every axis is within its limits; there is nothing to recover"
-            )
-        if any(state.increments):
-            raise OrderRefusedError(f"{config.name}: still braking; recover again when it stands")
-        return replace(state, follow=False, goto=None, recovering=True)
-    if state.mode is Mode.FAULT and state.fault is not Fault.OUTSIDE_LIMITS:
-        raise OrderRefusedError(
-            f"{config.name}: recover is for fault {int(Fault.OUTSIDE_LIMITS)}, "
-            f"this is fault {int(state.fault)} ({state.message})"
-        )
-    if _brakes(config, state):
-        raise OrderRefusedError(f"{config.name}: still braking; recover when it stands")
-    after = _without_fault(config, apply_event(config, state, Event.RECOVER, now_s))
-    return replace(after, arm_requested=True, recovering=True)
-
-
-def ask_clear(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """Request the devices to clear their faults; their answer leaves FAULT (`clear`).
-
-    Raises:
-        OrderRefusedError: there is no fault, or the robot still brakes: READY would end its commands at once.
-    """
-    if state.mode is not Mode.FAULT:
-        return clear(config, state, (), now_s)  # refuses, with the orders that are possible
-    if _brakes(config, state):
-        raise OrderRefusedError(f"{config.name}: still braking; clear the fault when it stands")
-    return replace(state, pending=(*state.pending, Effect.CLEAR))
-
-
-def clear(config: RobotConfig, state: RobotState, samples: Sequence[Sample], now_s: float) -> RobotState:
-    """Leave a fault after a new check of all samples; never moves, never changes torque.
-
-    Raises:
-        OrderRefusedError: a device is still faulty, or there is no fault.
-    """
-    wrong = "; ".join(_wrong(config, samples))
-    if state.mode is Mode.FAULT and wrong:
-        raise OrderRefusedError(f"{config.name}: not cleared, {wrong}")
-    return _without_fault(config, apply_event(config, state, Event.CLEAR, now_s))
-
-
-def _without_fault(config: RobotConfig, state: RobotState) -> RobotState:
-    """The state without its fault; the devices may have lost torque, so arming starts again from samples."""
-    misses = (0,) * len(config.axes)
-    return replace(state, fault=Fault.NONE, message="", enabled=False, misses=misses, policy=None)
-
-
-def _brakes(config: RobotConfig, state: RobotState) -> bool:
+def brakes_in_fault(config: RobotConfig, state: RobotState) -> bool:
     """True while a robot in FAULT is commanded to its standstill, which no order but an estop may end."""
     moves = any(state.increments) or state.shaped.ticks_left > 0
     return state.mode is Mode.FAULT and state.enabled and moves and _brakes_first(config)
-
-
-def _wrong(config: RobotConfig, samples: Sequence[Sample]) -> list[str]:
-    """What would be a fault of an axis in the next tick, and a bus that is not open."""
-    found = []
-    for axis, sample, stale_s in zip(config.axes, samples, config.stale_s, strict=False):
-        if sample.fault:
-            found.append(f"{axis} reports {sample.fault}")
-        elif not sample.valid:
-            found.append(f"{axis} is silent")
-        elif sample.age_s > stale_s and config.motion_rules > 5:
-            found.append(f"{axis} repeats a measurement that is {sample.age_s:.3g} s old")
-    return found if len(samples) == len(config.axes) else [*found, "its bus is not open"]

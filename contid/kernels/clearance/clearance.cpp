@@ -1,7 +1,7 @@
 // contid.kernels._clearance: distances of bodies and obstacles for Python. Units: m.
 //
 // Points of a curve have shape (n, 3), at equal arc length `spacing`. A distance that is certainly at least `enough` is
-// not computed further. contid/clearance/distances.py calls this.
+// not computed further. extras/clearance/contid_clearance/distances.py calls this.
 #include "../record.hpp"
 #include "obstacle.hpp"
 

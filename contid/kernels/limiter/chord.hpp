@@ -1,4 +1,4 @@
-// The step of all axes that leaves a straight line least: contid/control/tick/chord.py.
+// The step of all axes that leaves a straight line least: contid/control/tick/ways/chord.py.
 #pragma once
 
 #include "small_matrices.hpp"

@@ -1,5 +1,5 @@
 // The quintic through two points with given directions there, with a given length or without.
-// contid/kinematics/ph/ends.py derives it.
+// extras/ropes/contid_ropes/ph/ends.py derives it.
 #pragma once
 
 #include <limits>

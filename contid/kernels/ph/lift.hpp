@@ -1,5 +1,5 @@
 // Quaternions whose square is a tangent: r' = A i A*.
-// contid/kinematics/ph/lift.py derives it.
+// extras/ropes/contid_ropes/ph/lift.py derives it.
 #pragma once
 
 #include <array>

@@ -1,5 +1,5 @@
 // The quintic with the preimage A(t) = A0 (1-t)^2 + 2 A1 t (1-t) + A2 t^2: points, length, energy.
-// contid/kinematics/ph/quintic.py derives it.
+// extras/ropes/contid_ropes/ph/quintic.py derives it.
 #pragma once
 
 #include "lift.hpp"

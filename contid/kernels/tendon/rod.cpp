@@ -1,4 +1,4 @@
-// contid.kernels._tendon_rod: the rod of contid/kinematics/tendon/rod.py. One object is for one thread: it holds the
+// contid.kernels._tendon_rod: the rod of extras/tendons/contid_tendons/rod.py. One object is for one thread: it holds the
 // memory of its solves. A solve takes tens of microseconds and holds the GIL.
 #include <nanobind/nanobind.h>
 
@@ -14,7 +14,7 @@ namespace {
 struct Solver {
   TendonRodSolver rod;
 
-  // Reads the fields of RodElements (contid/kinematics/tendon/rod.py) by name.
+  // Reads the fields of RodElements (extras/tendons/contid_tendons/rod.py) by name.
   static RodSetup setup_of(nb::handle of) {
     RodSetup s;
     const auto array = [&](const char* name) { return nb::cast<Given>(of.attr(name)); };
@@ -41,7 +41,7 @@ struct Solver {
 
   explicit Solver(nb::handle setup) : rod(setup_of(setup)) {}
 
-  // Fills the arrays of a TendonEquilibrium (contid/kinematics/tendon/rod.py), `jacobian` and `compliance` with
+  // Fills the arrays of a TendonEquilibrium (extras/tendons/contid_tendons/rod.py), `jacobian` and `compliance` with
   // `derivatives` only, for pulls [m] and a force on the tip [N], from the strain `start` on. Returns 1 for a stable
   // equilibrium, 0 for another one, below 0 when none was found or it has no derivatives.
   int solve(Given pulls, nb::handle force, Given start, nb::handle into, bool derivatives) {

@@ -1,5 +1,5 @@
 // Statics of a tendon robot's backbone as a rod: chain of elements of constant strain, equilibrium by virtual work.
-// contid/kinematics/tendon/rod.py states the equations. solve() does not allocate.
+// extras/tendons/contid_tendons/rod.py states the equations. solve() does not allocate.
 #pragma once
 
 #include <algorithm>

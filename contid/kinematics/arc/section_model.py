@@ -84,7 +84,7 @@ class SectionModel:
         """Lead redundant axes around obstacles, of which the body keeps a margin where that can be.
 
         Args:
-            obstacles: rows of `contid.clearance.obstacles.Obstacle.packed` in the base frame.
+            obstacles: rows of `contid_clearance.obstacles.Obstacle.packed` in the base frame.
             radius_m: radius of the body [m].
             margin_m: least distance of surfaces [m].
             from_m: arc length where the body begins [m].

@@ -127,7 +127,7 @@ class Solver(Protocol):
         """Keep redundant axes away from obstacles; none switches that off.
 
         Args:
-            obstacles: rows of `contid.clearance.obstacles.Obstacle.packed` in the base frame.
+            obstacles: rows of `contid_clearance.obstacles.Obstacle.packed` in the base frame.
             radius: radius of the body [m].
             margin: least distance of surfaces [m].
             from_: arc length where the body begins [m].

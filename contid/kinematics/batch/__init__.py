@@ -23,12 +23,11 @@ __all__ = ["POSE", "Solutions", "Table", "Targets", "chains", "forward_many", "i
 
 
 #: Class of a model -> the module with its ``forward`` and ``inverse`` for batches; one returns None where
-#: no kernel solves it; the loop is used then.
+#: no kernel solves it; the loop is used then. The class of an extra has its module as its ``BATCH``.
 BATCHES: Final = {
     "contid.kinematics.arc.section_model:SectionModel": "contid.kinematics.batch.kernel",
     "contid.kinematics.cosserat.model:CosseratModel": "contid.kinematics.batch.pneumatic",
     "contid.kinematics.rack.finger:RackFingerModel": "contid.kinematics.batch.finger",
-    "contid.kinematics.ph.model:PhModel": "contid.kinematics.batch.kernel",
 }
 
 
@@ -89,7 +88,8 @@ def chains(model: Model) -> bool:
 
 
 def _batch_of(model: Model) -> ModuleType | None:
-    name = BATCHES.get(f"{type(model).__module__}:{type(model).__qualname__}")
+    kind = type(model)
+    name = BATCHES.get(f"{kind.__module__}:{kind.__qualname__}", getattr(kind, "BATCH", None))
     return None if name is None else import_module(name)
 
 

@@ -41,17 +41,6 @@ def play(commanded: Array | float, delivered: Array | float, half_width: Array |
     )
 
 
-def play_series(commanded: Array, half_width: Array | float, start: Array | float | None = None) -> Array:
-    """What arrives along a recording: commands ``(times, ...)`` [m]; ``start``: what arrived before."""
-    commanded = np.asarray(commanded, dtype=np.float64)
-    delivered = np.array(commanded[0] if start is None else start, dtype=np.float64)
-    out = np.empty_like(commanded)
-    for k, row in enumerate(commanded):
-        delivered = play(row, delivered, half_width)
-        out[k] = delivered
-    return out
-
-
 #: A tendon turns its friction over while it slides back by twice this length [m]: above rounding of commands,
 #: below what a servo resolves.
 TURNING_M: Final = 1e-5

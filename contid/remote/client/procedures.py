@@ -1,6 +1,6 @@
 """Procedures of a client - moves, measurements, telemetry - over its requests and orders.
 
-`contid.remote.client.async_client.AsyncClient` implements the I/O operations of `Orders` with asyncio.
+`contid_library.async_client.AsyncClient` implements the I/O operations of `Orders` with asyncio.
 `contid.remote.client.sync_client.Client` implements them with blocking calls: its coroutines never suspend.
 """
 
@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import AsyncGenerator, AsyncIterable, Iterable, Mapping, Sequence
 from contextlib import suppress
 
+from contid.entry_points import LIBRARY, required
 from contid.remote.client.orders import Orders, Robots, names_of
-from contid.remote.client.row_stream import BATCH_ROWS, RowStream
-from contid.remote.client.servo import Controller, ServoReport, servo
+from contid.remote.client.servo import Controller, ServoReport
 from contid.remote.protocol.wire import ConnectionLostError, Fields, RemoteError
 
 
@@ -116,8 +116,8 @@ class Procedures(Orders):
         """Begin a stream and send its rows; returns its number, and messages about refused rows."""
         begun = await self.request("move", columns=list(columns))
         move, timed = int(begun["move"]), bool(begun["timed"])
-        batch_rows = min(int(begun["credits"]), BATCH_ROWS) if timed else 1
-        stream = RowStream(self, move, timed, batch_rows)
+        rows_of = required(LIBRARY, "RowStream", "a stream of rows", "library")
+        stream = rows_of(self, move, timed, int(begun["credits"]))
         await stream.send(rows)
         return move, stream.refused
 
@@ -142,7 +142,9 @@ class Procedures(Orders):
             RemoteError: refused, or stopped by another client or a fault. After an error of the controller
                 itself the robots hold.
         """
-        return await servo(self, rate_hz, controller, nearest)
+        servo = required(LIBRARY, "servo", "a servo loop", "library")
+        report: ServoReport = await servo(self, rate_hz, controller, nearest)
+        return report
 
     # -- measuring and telemetry -------------------------------------------------------------------------
 

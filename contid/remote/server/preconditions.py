@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.tick_layout import TickRecord
-from contid.control.engine.wiring import chain_guards, clearance_guard
+from contid.control.engine.wiring import chain_guards, clearance_of
 from contid.control.tick.preflight.rows import Preflight, Unreachable
 from contid.control.tick.supervisor import ARMED
 from contid.errors import BadInputError
@@ -34,7 +34,7 @@ class Preconditions:
         self._control = control
         self._view = view
         self._guards = chain_guards(control.loaded)
-        self._clearance = clearance_guard(control.loaded)
+        self._clearance = clearance_of(control.loaded)
         self.refuses = control.unreachable is Unreachable.REFUSE or bool(self._guards)
 
     def reader(self, columns: Collection[str], called: str) -> RowReader:

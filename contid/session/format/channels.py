@@ -8,7 +8,7 @@ objects are always present. The values are declared in `contid.control.engine.ti
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -113,43 +113,28 @@ def schema(layout: RecordLayout, device_units: Mapping[str, str], channel: str) 
     """JSON Schema of a channel: every key of its messages, and which of them are always there."""
     if channel == EVENT:
         return _event_schema()
-    root: dict[str, Any] = {"title": f"contid.{channel}", **_object()}
+    root: dict[str, Any] = {"title": f"contid.{channel}", **empty_schema()}
     for field in fields(layout, device_units, channel):
         parent = root
         for key in field.path[:-1]:
-            parent = _add(parent, key, _object(), required=True)
+            parent = add_key(parent, key, empty_schema(), required=True)
         about: dict[str, Any] = {"type": field.kind, "description": field.meaning}
         if field.kind == "array":
             about |= {"items": {"type": "number"}, "minItems": 3, "maxItems": 3}
-        _add(parent, field.path[-1], about, field.required)
+        add_key(parent, field.path[-1], about, field.required)
     meaning = "paths of numbers that are infinite, a minus in front of negative ones; absent without any"
-    _add(
+    add_key(
         root, INFINITE, {"type": "array", "items": {"type": "string"}, "description": meaning}, required=False
     )
     return root
 
 
-def measured_schema(keys: Mapping[str, Sequence[str]]) -> dict[str, Any]:
-    """JSON Schema of the channel `MEASURED`: keys of the axes by robot, and its tip."""
-    root: dict[str, Any] = {"title": f"contid.{MEASURED}", **_object()}
-    _add(root, "tick", {"type": "integer", "description": "number of the tick"}, required=True)
-    robots = _add(root, "robots", _object(), required=True)
-    for name, axes in keys.items():
-        robot = _add(robots, name, _object(), required=True)
-        for key in axes:
-            about = {"type": "number", "description": "measured actuation, by the transmission"}
-            _add(robot, key, about, required=False)
-        meaning = "tip of the model at the measured actuation, with the known load, in the world frame"
-        tip = {"type": "array", "description": meaning, "items": {"type": "number"}}
-        _add(robot, "tip_m", {**tip, "minItems": 3, "maxItems": 3}, required=False)
-    return root
-
-
-def _object() -> dict[str, Any]:
+def empty_schema() -> dict[str, Any]:
+    """The schema of an object without keys."""
     return {"type": "object", "properties": {}, "required": [], "additionalProperties": False}
 
 
-def _add(parent: dict[str, Any], key: str, about: dict[str, Any], required: bool) -> dict[str, Any]:
+def add_key(parent: dict[str, Any], key: str, about: dict[str, Any], required: bool) -> dict[str, Any]:
     """The schema of a key, which is added when it is new."""
     if required and key not in parent["required"]:
         parent["required"].append(key)

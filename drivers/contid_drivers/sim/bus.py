@@ -13,14 +13,11 @@ from typing import TYPE_CHECKING
 
 from contid.errors import ContidError, DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import AxisOnBus, Clock, DeviceKind, Rest, Sample, TipMeasured
-from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rack_finger import RackFinger
-from contid.robot_file.tendon.robot import TendonRobot
-from contid_drivers.sim.body_faults import BodyFaults, refuse_unit
+from contid_drivers.sim.bodies import DamagesBodies, LoadedShafts, TracksTip, body_faults, shafts, tracked
 from contid_drivers.sim.devices import SimDevice
 from contid_drivers.sim.faults import Switches, append_event
 from contid_drivers.sim.options import MECHANICAL, FaultKind, SimAxisOptions, SimBusOptions
-from contid_drivers.sim.tracked_body import LoadedShafts, TrackedBody, loaded_shafts
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -36,7 +33,8 @@ class SimBus:
         self._clock = clock
         self._watchdog_s = options.watchdog_ms / 1e3
         self.switches = Switches()
-        self._body_faults = BodyFaults()
+        #: The mechanical faults that are on; None before the first one.
+        self._body_faults: DamagesBodies | None = None
         #: When `open` was called first; times of the robot file count from it.
         self._opened_s: float | None = None
         self._open = False
@@ -44,13 +42,15 @@ class SimBus:
         self._enabled: set[str] = set()
         self._missed: dict[str, Rest] = {}  # rests of axes that did not answer
         self._samples: dict[str, Sample] = {}
-        self.arms: list[TrackedBody] = []
+        self.arms: list[TracksTip] = []
         self.fingers: list[LoadedShafts] = []
         now = clock.now()
         self.devices = {axis.name: _device(name, options, axis, now) for axis in axes}
         for fault in options.faults:
             for axis in filter(None, (fault.axis, fault.other)):
-                refuse_unit(fault, self._device(axis))
+                device = self._device(axis)
+                if fault.kind in MECHANICAL:
+                    self._faults_of_bodies().refuse_unit(fault, device)
 
     # -- the contract ------------------------------------------------------------------------------------
 
@@ -101,12 +101,14 @@ class SimBus:
         latency_s = self._options.latency_ms / 1e3
         if not self.switches.on and latency_s <= 0.0:
             return self._exchanged_soundly(commands, now)
-        for axis, value in self._body_faults.commands(commands).items():
+        bodies = self._body_faults
+        for axis, value in (commands if bodies is None else bodies.commands(commands)).items():
             if axis in self._enabled and not self._silent(axis):
                 self.devices[axis].command(value)
         for axis, device in self.devices.items():
             if not self._silent(axis) and not self.switches.is_on(FaultKind.STALE, axis):
-                self._samples[axis] = self._body_faults.seen(axis, device.read(now))
+                sample = device.read(now)
+                self._samples[axis] = sample if bodies is None else bodies.seen(axis, sample)
         end = self._wait(now, latency_s + self.switches.delay_s)
         for axis, device in self.devices.items():
             answered = not self._silent(axis)
@@ -178,15 +180,19 @@ class SimBus:
     def carry(self, robot: str, description: BaseModel) -> None:
         """Simulate the body of a robot whose axes it carries; called before `Bus.open`."""
         if isinstance(description, RackFinger):
-            self.fingers.append(loaded_shafts(robot, description))
+            self.fingers.append(shafts(robot, description))
             return
-        assert isinstance(description, Cosserat | TendonRobot)
-        self.arms.append(TrackedBody(robot, description))
+        self.arms.append(tracked(robot, description))
 
     def measured_tips(self) -> Sequence[TipMeasured]:
         """What arrived since the last call, in the order of time; callable from any thread."""
         now = self._clock.now()
         return [tip for arm in self.arms for tip in arm.take_arrived(now)]
+
+    def _faults_of_bodies(self) -> DamagesBodies:
+        if self._body_faults is None:
+            self._body_faults = body_faults(self.name)
+        return self._body_faults
 
     # -- helpers -----------------------------------------------------------------------------------------
 
@@ -233,7 +239,7 @@ class SimBus:
             elif edge.kind is FaultKind.STALL:
                 self.devices[edge.axis].motion.blocked = edge.on
             elif edge.kind in MECHANICAL:
-                self._body_faults.switch(edge.fault, edge.on, self.devices[edge.axis], edge_s)
+                self._faults_of_bodies().switch(edge.fault, edge.on, self.devices[edge.axis], edge_s)
             self._note(f"{edge.kind.value} {'begins' if edge.on else 'ends'}", edge_s, edge.axis)
         self._advance_devices(now)
         return now

@@ -22,14 +22,13 @@ from contid.kit.serial_ports import (
     find_port,
     holders,
     identity_of,
-    port_name,
     usb_ports,
 )
 from contid_driverkit.clock import MonotonicClock
 from contid_driverkit.control_file import ControlFile
 from contid_driverkit.effort_homing import EffortStop, HomesByEffort, home_by_effort
 from contid_driverkit.polled_bus import PolledBus, Reading
-from contid_driverkit.port_checks import examine_bus, latency_timer, owner, port_findings
+from contid_driverkit.port_checks import examine_bus, latency_timer, owner, port_findings, port_name
 from contid_driverkit.pseudo_port import PseudoPort
 from contid_driverkit.serial_bus import SerialBus
 from contid_driverkit.signals import defer_signals

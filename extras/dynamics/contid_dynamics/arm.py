@@ -11,7 +11,6 @@ from contid.kinematics.array import Array
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.kinematics.cosserat.section import Section
 from contid.kinematics.model import build_model
-from contid.kinematics.tendon.loaded import rod_of
 from contid.kinematics.tendon.model import TendonModel
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.tendon.robot import TendonRobot
@@ -19,6 +18,7 @@ from contid.robot_file.tendon.statics import TendonRodStatics
 from contid.targets import ZERO3, Vec3, vec3
 from contid.units import MM_PER_M, STANDARD_GRAVITY
 from contid_dynamics.rod import STRAINS, MovingElements, MovingRod, spread_mass
+from contid_tendons.loaded import rod_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -1,7 +1,7 @@
 """A rod in motion: elements of constant strain with mass, the kernel ``contid/kernels/dynamics``.
 
 The unknowns are the strains of the elements: bends u, v, twist [rad], stretch, and shears, as in
-`contid.kinematics.tendon.rod`. ``rod_motion.hpp`` derives the steps.
+`contid_tendons.rod`. ``rod_motion.hpp`` derives the steps.
 """
 
 from __future__ import annotations

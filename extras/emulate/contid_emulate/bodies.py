@@ -18,9 +18,9 @@ from contid.hal import TipMeasured
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import LoadedFile
 from contid.robot_file.tendon.robot import TendonRobot
-from contid_drivers.sim.tracked_body import TrackedBody
 from contid_emulate.dynamixel.bench import MA_PER_NM
 from contid_emulate.dynamixel.body_tendons import BodyTendons, Spool
+from contid_emulate.tracked_body import TrackedBody
 
 #: Time between two looks at the devices.
 LOOK_S: Final = 0.004

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from contid.api.simulated import Sim
 from contid.errors import ContidError
 from contid.robot_file.load import load_named
 from contid_identify.command import command
 from contid_identify.predict_command import command as predict
+from contid_library.simulated import Sim
 
 #: Pressures [bar]; the simulated regulators answer with a lag of 50 ms.
 MOVES = (

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contid.api.simulated import Sim
 from contid.control.engine.messages import Estop
 from contid.robot_file.load import load_named
 from contid_identify.delay_lag import fit_axis
 from contid_identify.recording import RobotRecording, read_recording
+from contid_library.simulated import Sim
 
 #: Pressures [bar]; the simulated regulators answer with a lag of 50 ms.
 MOVES = ((0.2, 0.0, 0.0), (0.6, 0.1, 0.3), (0.3, 0.5, 0.0), (0.7, 0.2, 0.4), (0.1, 0.0, 0.2), (0.5, 0.4, 0.3))

@@ -16,13 +16,13 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from contid import Robot, Sim
-from contid.api.sim_state import SimRobot, SimState
 from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.robot_file.load import LoadedFile
 from contid_learn.randomised import Intervals, checked, drawn, varied, with_bodies
 from contid_learn.tasks import GoalPath, Task, drawn_paths
 from contid_learn.views import BOUND, Observation, Seen, TipGoal, asked_after, observation, row_of, views_of
+from contid_library.sim_state import SimRobot, SimState
 
 #: Share of the size of a robot within which a tip has arrived.
 ARRIVED_SHARE: Final = 0.02

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from contid.control.engine.wiring import chain_guards, clearance_guard
+from contid.control.engine.wiring import chain_guards, clearance_of
 from contid.control.tick.preflight.rows import Preflight, Unreachable
 from contid.errors import ContidError
 from contid.remote.protocol.wire import Fields
@@ -38,7 +38,7 @@ class PanelGeometry:
 
     def __init__(self, loaded: LoadedFile, rate_hz: float) -> None:
         self.loaded = loaded
-        self._clearance = clearance_guard(loaded)
+        self._clearance = clearance_of(loaded)
         self.scene: Scene = build_scene(loaded, rate_hz)
         #: The newest drawing of every robot, measured and commanded.
         self._drawn: dict[tuple[str, str], tuple[Actuation, RobotDrawing | None]] = {}

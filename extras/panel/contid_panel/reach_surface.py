@@ -14,7 +14,7 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.batch import forward_many
-from contid.kinematics.body_shape import in_world
+from contid.kinematics.frames import in_world
 from contid.units import MM_PER_M
 from contid_view.robot_scene import RobotScene
 

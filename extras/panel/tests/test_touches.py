@@ -15,7 +15,7 @@ from itertools import product
 
 import pytest
 
-from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard
+from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_of
 from contid.control.tick.preflight.edge import along_the_edge, off_the_reach_m
 from contid.control.tick.preflight.rows import Preflight
 from contid.errors import BadInputError
@@ -56,7 +56,7 @@ class Touched:
     def __post_init__(self) -> None:
         self.loaded = load_named(self.name)
         self.configs = {each.name: each for each in build_robot_configs(self.loaded, 100.0)}
-        self.guards, self.clearance = chain_guards(self.loaded), clearance_guard(self.loaded)
+        self.guards, self.clearance = chain_guards(self.loaded), clearance_of(self.loaded)
         self.rest()
 
     def rest(self) -> None:

@@ -20,6 +20,7 @@ COMMANDS: Final = {
         "as CSV, Parquet, HDF5, for viewers, or its robot file",
     ),
     "session list": ("contid_sessions.list_command", "the recordings of a folder, the newest first"),
+    "session repair": ("contid_sessions.repair_command:repair", "a truncated recording"),
     "session lerobot": (f"{_EXPORT}:lerobot", "recordings as a LeRobot dataset, an episode each"),
     "session merge": (f"{_EXPORT}:merge", "sessions of a fleet run on one clock"),
 }

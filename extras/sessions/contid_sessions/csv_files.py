@@ -17,11 +17,11 @@ from typing import Any, TextIO
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.json_form import to_json
 from contid.errors import SessionError
-from contid.session.export.columns import TIMES
-from contid.session.export.table import TickTable
 from contid.session.format.channels import EVENT, MEASURED, TICK_CHANNELS
 from contid.session.read import Session
 from contid.whole_file import replacing
+from contid_sessions.columns import TIMES
+from contid_sessions.table import TickTable
 
 
 @contextmanager

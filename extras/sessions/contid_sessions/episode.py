@@ -9,10 +9,10 @@ import numpy as np
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
-from contid.session.export.measured import measured_robots
-from contid.session.export.table import TickTable
 from contid.session.format.channels import MEASURED
 from contid.session.read import Session
+from contid_sessions.measured import measured_robots
+from contid_sessions.table import TickTable
 
 #: Features; names are LeRobot's.
 STATE: Final = "observation.state"

@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import click
 
 from contid import entry_points
-from contid.cli.support.added_options import ExportOption, ExtendedCommand
+from contid.cli.support.added_options import ExtendedCommand
 from contid.cli.support.parameters import SESSION, NewFile
 from contid.cli.support.streams import counting
 
 if TYPE_CHECKING:
     from contid.robot_file.load import LoadedFile
     from contid.session.read import Session
+
+
+class ExportOption(Protocol):
+    """An option of `contid session export`: an object of the group ``contid.exports``, of the same name."""
+
+    options: Sequence[click.Option]
+
+    def write(self, session: Session, loaded: LoadedFile, path: Path) -> None:
+        """Write a session in the format of another program, with the robots of a robot file."""
+        ...
 
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -39,7 +49,6 @@ def export(session_file: str, robot: str | None, **outputs: str | None) -> None:
     Tables are in mm and bar: all channels, and axes and tip by forward kinematics of the measurements.
     """
     from contid.session.read import Session
-    from contid.session.write import refuse_recording
     from contid_sessions import csv_files
 
     paths = {name: Path(path) for name, path in outputs.items() if path is not None}
@@ -54,7 +63,7 @@ def export(session_file: str, robot: str | None, **outputs: str | None) -> None:
     with counting("ticks read") as count:
         session = Session(Path(session_file), count)
         for path in paths.values():
-            refuse_recording(path)
+            _refuse_recording(path)
         # Before anything is written: it may be another robot.
         loaded = file_to_draw(session, robot) if drawn else None
         written: list[Path] = []
@@ -149,3 +158,18 @@ def merge(sessions: tuple[str, ...], output: str) -> None:
     for name, count in report.messages.items():
         start_s, bound_ms = report.start_s[name], report.bound_s[name] * 1e3
         click.echo(f"{name}: {count} messages, from {start_s:.3f} s on (+-{bound_ms:.2f} ms)")
+
+
+def _refuse_recording(path: Path) -> None:
+    """Recordings are never overwritten, by exports neither.
+
+    Raises:
+        ContidError: the file is a recording.
+    """
+    from contid.session.format.mcap_records import MAGIC
+    from contid.session.write import exists_error
+
+    if path.is_file():
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) == MAGIC:
+                raise exists_error(path)

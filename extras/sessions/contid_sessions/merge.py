@@ -17,13 +17,13 @@ from typing import BinaryIO, Final
 
 from contid.errors import ContidError
 from contid.session.format import mcap_records as mcap
-from contid.session.format.indexed_writer import IndexedWriter
 from contid.session.format.mcap_records import MESSAGE_INSIDE
 from contid.session.format.record_stream import RecordStream
 from contid.session.read import Session
 from contid.session.write import PRIVATE, exists_error
 from contid.whole_file import replacing
 from contid_sessions.clock_notes import ClockNotes, clock_notes
+from contid_sessions.indexed_writer import IndexedWriter
 
 #: Metadata by which a merged file is known.
 MERGED: Final = "merged"

@@ -12,9 +12,9 @@ from typing import Any, Final
 import contid
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.json_form import to_json
-from contid.session.export.table import TickTable
 from contid.session.read import Session
 from contid.whole_file import replacing
+from contid_sessions.table import TickTable
 
 #: Group of the times of the ticks.
 TIME: Final = "time"

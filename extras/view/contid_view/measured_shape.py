@@ -15,8 +15,8 @@ import numpy as np
 from contid.control.engine.tick_layout import RobotRecord
 from contid.control.tick.config import RobotConfig
 from contid.kinematics.array import Array
-from contid.kinematics.body_shape import from_pose
 from contid.units import MM_PER_M
+from contid_ropes.body_shape import from_pose
 
 #: Points of the curve.
 POINTS: Final = 33

@@ -56,7 +56,7 @@ def _view_target(text: str) -> ViewTarget | None:
 
 
 class RrdExport:
-    """For the Rerun viewer; see `contid.cli.support.added_options.ExportOption`."""
+    """For the Rerun viewer; see `contid_sessions.export_command.ExportOption`."""
 
     options = (
         click.Option(["--rrd"], type=NewFile(dir_okay=False), help="A recording for the Rerun viewer."),
@@ -75,7 +75,7 @@ class RrdExport:
 
 
 class FoxgloveExport:
-    """For Foxglove; see `contid.cli.support.added_options.ExportOption`."""
+    """For Foxglove; see `contid_sessions.export_command.ExportOption`."""
 
     options = (
         click.Option(

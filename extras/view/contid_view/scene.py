@@ -9,12 +9,14 @@ from typing import Final
 
 import numpy as np
 
-from contid.control.engine.wiring import build_robot_configs, chain_guards
+from contid.control.engine.wiring import build_robot_configs
 from contid.kinematics.array import Array
-from contid.kinematics.rope.chain import ChainGuard, Tip
 from contid.robot_file.clearance import ObstacleDescription, PlaneDescription
 from contid.robot_file.load import LoadedFile
+from contid.targets import Tip
 from contid.units import MM_PER_M
+from contid_ropes.chain import ChainGuard
+from contid_ropes.file_chains import FileChains
 from contid_view.body import SolidBody
 from contid_view.robot_scene import RobotDrawing, RobotScene
 
@@ -72,7 +74,7 @@ def build_scene(loaded: LoadedFile, rate_hz: float) -> Scene:
     cell_mm = next((cell for cell in CELLS_MM if cell * MAX_CELLS >= size_mm), math.ceil(size_mm / MAX_CELLS))
     clearance = loaded.file.clearance
     return Scene(
-        robots, bodies, chain_guards(loaded), cell_mm, {} if clearance is None else clearance.obstacles
+        robots, bodies, FileChains(loaded).guards, cell_mm, {} if clearance is None else clearance.obstacles
     )
 
 

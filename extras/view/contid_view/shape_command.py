@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 import click
 
@@ -13,9 +13,10 @@ from contid.cli.support.parameters import POSITIVE, Numbers, robot_names
 from contid.units import m_to_mm
 
 if TYPE_CHECKING:
-    from contid.kinematics.body_shape import BodyShape
+    from contid.errors import Located
     from contid.robot_file.load import LoadedFile
     from contid.targets import Target
+    from contid_ropes.body_shape import BodyShape
 
     #: Shape of one robot for its target of a row.
     Shaper = Callable[[str, Target], BodyShape]
@@ -51,12 +52,11 @@ def command(
     --from-poses it holds measured tips and directions: the shape is a Pythagorean-hodograph quintic,
     independent of the model. Rows are counted from 1.
     """
-    from contid.cli.support.rows import located_at, open_rows, read_rows
-    from contid.kinematics.body_shape import of_rope
-    from contid.kinematics.rope.chain import ChainGuard
-    from contid.robot_file.chain import Chain
+    from contid.cli.support.rows import located_at, open_rows
     from contid.robot_file.load import load_named
     from contid.units import MM_PER_M
+    from contid_ropes.body_shape import of_rope
+    from contid_ropes.file_chains import FileChains
 
     length_m = None
     if lengths_mm is not None:
@@ -65,12 +65,11 @@ def command(
         length_m = sum(lengths_mm) / MM_PER_M
     loaded = load_named(robot_file)
     shaper = _by_pose(loaded, points, length_m) if from_poses else _by_model(loaded, points)
-    robots = loaded.file.robots.items()
-    guards = [ChainGuard(name, robot) for name, robot in robots if isinstance(robot, Chain)]
+    guards = FileChains(loaded).guards
     with open_rows(rows) as source:
 
         def shapes() -> Iterator[ShapeRow]:
-            for number, (place, time_s, targets) in enumerate(read_rows(loaded, source), start=1):
+            for number, (place, time_s, targets) in enumerate(_read_rows(loaded, source), start=1):
                 with located_at(place):
                     found = {name: shaper(name, target) for name, target in targets.items()}
                     for guard in guards:
@@ -88,9 +87,9 @@ def command(
 
 
 def _by_model(loaded: LoadedFile, points: int) -> Shaper:
-    from contid.kinematics.body_shape import by_model
     from contid.kinematics.frames import BaseFrame
     from contid.kinematics.model import build_model
+    from contid_ropes.body_shape import by_model
 
     robots = {name: robot for name, robot in loaded.file.robots.items() if not robot.passive}
     models = {name: build_model(robot) for name, robot in robots.items()}
@@ -106,8 +105,8 @@ def _by_model(loaded: LoadedFile, points: int) -> Shaper:
 
 
 def _by_pose(loaded: LoadedFile, points: int, length_m: float | None) -> Shaper:
-    from contid.kinematics.body_shape import from_pose
     from contid.kinematics.frames import BaseFrame
+    from contid_ropes.body_shape import from_pose
 
     def shaper(name: str, target: Target) -> BodyShape:
         robot = loaded.file.robots[name]
@@ -158,3 +157,30 @@ def _table_mm(shape: BodyShape) -> list[list[float]]:
         [round(m_to_mm(value), 6) + 0.0 for value in (s, *point)]
         for s, point in zip(shape.s_m.tolist(), shape.points_in_world.tolist(), strict=True)
     ]
+
+
+def _read_rows(
+    loaded: LoadedFile, source: TextIO
+) -> Iterator[tuple[Located, float | None, Mapping[str, Target]]]:
+    """Location of each row, its time if it has one, and its targets in the world frame.
+
+    Raises:
+        BadInputError: at the first wrong row.
+    """
+    from itertools import chain
+
+    from contid.cli.support.rows import name_of, no_rows
+    from contid.errors import Located
+    from contid.trajectory.lines import lines_from_header, numbered_lines
+    from contid.trajectory.rows import RowReader
+
+    name = name_of(source)
+    rows = lines_from_header(numbered_lines(source))
+    header = next(rows, None)
+    if header is None:
+        raise no_rows(name)
+    reader = RowReader(header[1], name, loaded.file.robots, header[0])
+    time = reader.layout.time
+    for number, line in chain([header], rows) if reader.is_json else rows:
+        row = reader.row(line, number)
+        yield Located(name, number, 1, ""), None if time is None else row[time], reader.layout.targets(row)

@@ -11,9 +11,9 @@ import pytest
 from contid.control.engine.tick_layout import RobotRecord
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
-from contid.kinematics.body_shape import by_model
 from contid.robot_file.load import load_robot_file
 from contid.targets import Target, Vec3
+from contid_ropes.body_shape import by_model
 from contid_view.measured_shape import POINTS, measured_shape
 
 #: A posture each: actuation as a fraction of every axis's range, and the allowed distance of the curve from

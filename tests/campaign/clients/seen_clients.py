@@ -22,7 +22,6 @@ from contid.control.engine.events import RunEvent
 from contid.control.engine.events.buses import BusAnswered, BusStalled, DeviceFaultChanged
 from contid.control.engine.events.robots import GotoEnded, OrderGiven
 from contid.control.engine.events.run import LogWritten
-from contid.control.engine.order_events import answer_of, order_of
 from contid.control.engine.tick_layout import ENABLED, UNRESTED, TickRecord
 from contid.control.engine.wiring import build_robot_configs, record_layout
 from contid.control.tick.config import RobotConfig
@@ -31,6 +30,7 @@ from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile, parse_robot_file
 from contid.session.read import Session
 from contid_sessions.check import check_session
+from contid_sessions.replay.recorded_orders import answer_of, order_of
 from contid_sessions.replay.recorded_port import RecordedPort, RecordedTick, slots_of
 from contid_sessions.replay.replay import replay
 from tests.remote.orders.history import GOES, LEFT, MOVING, STOPS, History, Order

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from contid.control.engine.contact_stage import ContactStage
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.events.robots import GotoEnded
 from contid.control.engine.messages import Goto, Hold
 from contid.control.engine.virtual import VirtualProcess
 from contid.robot_file.load import load_named, parse_robot_file, with_mock
 from contid.targets import Target
+from contid_contact.stage import ContactStage
 from tests.control.engine.streamed import Run, middle
 from tests.support.fingers import Collector
 

@@ -10,12 +10,13 @@ from contid.control.engine import messages as msg
 from contid.control.engine.events.buses import BusAnswered
 from contid.control.engine.events.json_form import from_json, to_json
 from contid.control.engine.events.robots import OrderGiven
-from contid.control.engine.order_events import answer_event, answer_of, order_event, order_of
+from contid.control.engine.order_events import answer_event, order_event
 from contid.control.engine.ports import BusReply
 from contid.control.tick.state import Effect
 from contid.errors import ContidError
 from contid.robot_file.base import StopPolicy
 from contid.targets import Target
+from contid_sessions.replay.recorded_orders import answer_of, order_of
 
 TARGET = Target(
     tip_m=(0.1, 1 / 3, -0.0), direction=(0.0, 0.0, 1.0), mid_m=(1e-300, 0.2, 0.3), load_n=(0.0, 0.0, -0.1),

@@ -9,10 +9,7 @@ from pathlib import Path
 import pytest
 
 from contid.control.engine import messages as msg
-from contid.control.engine.chain_monitor import ChainMonitor
-from contid.control.engine.clearance_watch import ClearanceWatch
 from contid.control.engine.command_log import CommandLog
-from contid.control.engine.contact_stage import ContactStage
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.engine.virtual import VirtualProcess, run_virtual
@@ -23,6 +20,9 @@ from contid.control.tick.supervisor import Mode
 from contid.kinematics.model import Model
 from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Solution, Target
+from contid_clearance.watch import ClearanceWatch
+from contid_contact.stage import ContactStage
+from contid_ropes.monitor import ChainMonitor
 from tests.support.fingers import Collector, circle, load
 
 RATE = 200.0

@@ -23,7 +23,7 @@ from contid.control.process.isolation import model_port
 from contid.control.process.isolation.body import isolated
 from contid.control.process.isolation.model_port import ModelLostError
 from contid.control.process.isolation.model_ports import model_ports
-from contid.control.tick import transitions
+from contid.control.tick import fault_exits, transitions
 from contid.control.tick.faults import Fault
 from contid.control.tick.supervisor import Mode
 from contid.robot_file.load import parse_robot_file
@@ -227,7 +227,7 @@ def test_a_defect_of_a_model_costs_its_robot_only(how: str, installed: Path, sou
 
 
 def clear_and_resume(run: BesideModel) -> None:
-    run.engine.robots.order(("f1",), transitions.ask_clear, run.tick / RATE_HZ)
+    run.engine.robots.order(("f1",), fault_exits.ask_clear, run.tick / RATE_HZ)
     run.go(4)
     run.engine.robots.order(("f1",), transitions.resume, run.tick / RATE_HZ)
 

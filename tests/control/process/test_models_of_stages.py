@@ -11,19 +11,19 @@ from typing import Any
 
 import pytest
 
-from contid.control.engine.clearance_watch import ClearanceWatch
-from contid.control.engine.contact_stage import ContactStage
 from contid.control.engine.messages import Goto, Message, Resume
 from contid.control.engine.tick_costs import TickCosts, UnansweredError
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.engine.watch.tip_watch import TipWatch
-from contid.control.tick.contact.current_contact import AxisContactFound, CurrentContact
 from contid.control.tick.faults import Fault
 from contid.control.tick.supervisor import Mode
 from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile, parse_robot_file
 from contid.targets import Target
 from contid.trajectory.read import read_trajectory
+from contid_clearance.watch import ClearanceWatch
+from contid_contact.current_contact import AxisContactFound, CurrentContact
+from contid_contact.stage import ContactStage
 from tests.support.broken.broken_run import BadModel
 from tests.support.fingers import Collector, circle_csv, fingers
 

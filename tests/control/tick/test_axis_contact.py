@@ -4,10 +4,10 @@ import math
 
 import pytest
 
-from contid.control.tick.contact.current_contact import WITHIN_S, CurrentContact
 from contid.errors import BadInputError
 from contid.hal import Sample
 from contid.robot_file.load import load_named, parse_robot_file
+from contid_contact.current_contact import WITHIN_S, CurrentContact
 
 RATE_HZ, USUAL_A, CONTACT_A = 200.0, 0.06, 0.1
 

@@ -9,7 +9,6 @@ from itertools import pairwise
 import pytest
 
 from contid.control.engine import messages as msg
-from contid.control.engine.chain_monitor import ChainMonitor
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.tick_layout import ENABLED, TickRecord
 from contid.control.engine.virtual import run_virtual
@@ -24,6 +23,7 @@ from contid.robot_file.load import LoadedFile, parse_robot_file
 from contid.targets import Target, Vec3
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
+from contid_ropes.monitor import ChainMonitor
 from tests.support.fingers import Collector
 
 RATE = 100.0

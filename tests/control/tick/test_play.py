@@ -20,9 +20,10 @@ from contid.control.tick.supervisor import Mode
 from contid.control.tick.tip_feedback import Measurement
 from contid.errors import BadInputError
 from contid.hal import Sample
-from contid.kinematics.tendon.capstan import play, play_series
+from contid.kinematics.tendon.capstan import play
 from contid.robot_file.load import parse_robot_file
 from contid.targets import Target
+from contid_fit.calibrate.tendon.play_series import play_series
 
 
 def config_of(configs: Path, friction: str) -> RobotConfig:

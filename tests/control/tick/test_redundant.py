@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contid.control.tick.limits import AxisLimits
-from contid.control.tick.redundant import Redundant, _bounded
+from contid.control.tick.ways.redundant import Redundant, _bounded
 
 LOW, HIGH = np.array([-0.5, -0.5]), np.array([0.5, 0.5])
 

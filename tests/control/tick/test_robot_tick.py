@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from contid.control.engine.wiring import build_robot_configs
-from contid.control.tick import transitions
+from contid.control.tick import fault_exits, transitions
 from contid.control.tick.arming import next_arming
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
@@ -152,8 +152,8 @@ def test_clear_looks_again_and_never_moves(config: RobotConfig) -> None:
     state = transitions.fail(config, running(config), Fault.DEVICE_FAULT, "hot", 1.0)
     for samples in ((), sampled(config, fault="hot"), sampled(config, valid=False)):
         with pytest.raises(OrderRefusedError):
-            transitions.clear(config, state, samples, 2.0)
-    cleared = transitions.clear(config, state, sampled(config), 2.0)
+            fault_exits.clear(config, state, samples, 2.0)
+    cleared = fault_exits.clear(config, state, sampled(config), 2.0)
     assert (cleared.mode, cleared.fault) == (Mode.READY, Fault.NONE)
     out = tick(config, cleared, 3.0, sampled(config), TARGET)
     assert (out.state.mode, out.device, out.state.pending) == (Mode.READY, (), ())
@@ -166,7 +166,7 @@ def test_orders_do_not_end_the_braking_of_a_fault(config: RobotConfig, policy: S
     state = transitions.fail(config, moving, Fault.DEVICE_FAULT, "hot", 1.0)
     now_s = 1.0
     with pytest.raises(OrderRefusedError, match="still braking; clear the fault when it stands"):
-        transitions.ask_clear(config, state, now_s)
+        fault_exits.ask_clear(config, state, now_s)
     if policy is not None:
         state = transitions.stop(config, state, policy, 1.0)
     while state.enabled and any(state.increments):
@@ -176,7 +176,7 @@ def test_orders_do_not_end_the_braking_of_a_fault(config: RobotConfig, policy: S
         assert now_s < 5.0
     assert state.mode is Mode.FAULT
     if policy is None:
-        assert transitions.ask_clear(config, state, now_s).pending == (Effect.CLEAR,)
+        assert fault_exits.ask_clear(config, state, now_s).pending == (Effect.CLEAR,)
         return
     resting = {"hold": Effect.HOLD, "rest": Effect.HOLD, "relax": Effect.RELAX, "vent": Effect.VENT}
     assert (state.pending, state.enabled, state.motion) == ((resting[policy.value],), False, None)
@@ -265,7 +265,7 @@ def test_a_first_sample_is_waited_for_two_seconds_from_connecting(
 
 def test_recovering_from_a_fault_enables_the_devices_anew(config: RobotConfig) -> None:
     fault = RobotState(Mode.FAULT, fault=Fault.OUTSIDE_LIMITS, message="far", enabled=True, misses=(3, 0))
-    after = transitions.recover(config, fault, 5.0)
+    after = fault_exits.recover(config, fault, 5.0)
     assert (after.fault, after.message, after.misses) == (Fault.NONE, "", (0, 0))
     assert not after.enabled
     assert after.arm_requested

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contid.control.tick.joint_steps import braked, feasible_part, stands, stop_ratio, unbounded_steps
 from contid.control.tick.limits import AxisLimits
+from contid.control.tick.ways.joint_steps import braked, feasible_part, stands, stop_ratio, unbounded_steps
 
 CHANGE = 0.25
 LIMITS = [AxisLimits(-100.0, 100.0, 4.0, CHANGE)] * 2

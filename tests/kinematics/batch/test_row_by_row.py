@@ -12,9 +12,9 @@ from contid.kinematics.batch import Targets, forward_many, inverse_many
 from contid.kinematics.batch.loop import target_of
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.kinematics.model import Model, build_model
-from contid.kinematics.ph.model import PhModel
 from contid.robot_file.document import RobotFile
 from contid.targets import ZERO3
+from contid_ropes.ph.model import PhModel
 
 ROBOTS = ("finger", "trirack", "trirack2", "cbha", "cbha.ph", "stiffflop1", "stiffflop2")
 ROWS = 40

@@ -12,10 +12,10 @@ from scipy.optimize import minimize
 from contid.control.tick.shared_limits import SharedLimits
 from contid.errors import BadInputError
 from contid.kinematics.model import build_model
-from contid.kinematics.tendon.driven import DrivenTendonModel
 from contid.robot_file.load import load_named, parse_robot_file
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Target
+from contid_tendons.driven import DrivenTendonModel
 from tests.kinematics.tendon.trunk_slack import search
 
 PRESETS = ("catheter", "planar2", "trunk")

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contid.kinematics.tendon.capstan import play_series
+from contid_fit.calibrate.tendon.play_series import play_series
 
 VALUES = st.floats(-0.02, 0.02)
 WIDTHS = st.floats(0.0, 0.003)

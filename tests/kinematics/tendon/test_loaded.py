@@ -11,10 +11,10 @@ import pytest
 
 from contid.errors import BadInputError
 from contid.kinematics.model import build_model
-from contid.kinematics.tendon.loaded import LoadedTendonModel
-from contid.kinematics.tendon.rod import TendonEquilibrium, TendonRod
 from contid.robot_file.load import parse_robot_file
 from contid.targets import Actuation, Target
+from contid_tendons.loaded import LoadedTendonModel
+from contid_tendons.rod import TendonEquilibrium, TendonRod
 from tests.oracles.tendon_energy import Energy
 
 

@@ -16,8 +16,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from contid.kinematics.tendon.geometry import TendonGeometry, forward
-from contid.kinematics.tendon.rod import TendonRod
 from contid.kinematics.tendon.tension import TendonStatics
+from contid_tendons.rod import TendonRod
 from tests.support.tendon_sections import even_section
 
 EI, GJ, K_N_PER_M = 2945e-6, 2265e-6, 20e3

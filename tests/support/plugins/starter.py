@@ -41,11 +41,15 @@ PACKAGES: Final = (
     *(
         "contid",
         "contid_drivers",
+        "contid_clearance",
+        "contid_contact",
         "contid_dynamics",
         "contid_fit",
         "contid_fleet",
         "contid_hands",
         "contid_panel",
+        "contid_ropes",
+        "contid_tendons",
     ),
     *("contid_adapt", "contid_identify", "contid_reach"),
 )

@@ -20,8 +20,8 @@ import numpy as np
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.next_command import next_command, tip_tolerance_m
 from contid.control.tick.preflight.blocks import BlockSize, clean, takes_blocks, tips_in_base
-from contid.control.tick.preflight.clearance import ClearancePreflight
 from contid.control.tick.preflight.jumps import Disturbed, jump_of
+from contid.control.tick.preflight.kept_apart import MotionClearance
 from contid.control.tick.preflight.reasons import NEAR_M, PathFinding, explain, jump, too_fast, undecided
 from contid.control.tick.preflight.ticks import EVERY, SAMPLES, EveryTick, Tick, computes_every, run_ticks
 from contid.control.tick.soft_start import ease_ticks
@@ -41,7 +41,7 @@ def path_findings(
     trajectory: Trajectory,
     configs: Sequence[RobotConfig],
     seeds: Mapping[str, Actuation],
-    clearance: ClearancePreflight | None = None,
+    clearance: MotionClearance | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Iterator[PathFinding]:
     """Findings in the order of the rows, each with the row on the way to which a robot fails.

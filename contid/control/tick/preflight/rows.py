@@ -10,15 +10,13 @@ from typing import Final
 
 import numpy as np
 
-from contid.clearance.guard import ClearanceGuard
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.preflight.blocks import BlockSize, reached, takes_blocks, tips_in_base
-from contid.control.tick.preflight.clearance import ClearancePreflight
+from contid.control.tick.preflight.kept_apart import ChecksClearance, ChecksRope
 from contid.control.tick.preflight.path import path_findings
 from contid.control.tick.preflight.reasons import PathFinding, explain, slower
 from contid.errors import BadInputError, Located
-from contid.kinematics.rope.chain import ChainGuard, Tip
-from contid.targets import ZERO3, Actuation, Target
+from contid.targets import ZERO3, Actuation, Target, Tip
 from contid.trajectory.timed import Trajectory
 from contid.units import m_to_mm
 
@@ -71,16 +69,16 @@ class Preflight:
     def __init__(
         self,
         configs: Sequence[RobotConfig],
-        guards: Sequence[ChainGuard] = (),
+        guards: Sequence[ChecksRope] = (),
         unreachable: Unreachable = Unreachable.REFUSE,
         seeds: Mapping[str, Actuation] | None = None,
-        clearance: ClearanceGuard | None = None,
+        clearance: ChecksClearance | None = None,
     ) -> None:
         self._configs = {config.name: config for config in configs}
         self._start = {config.name: config.rest for config in configs} | dict(seeds or {})
         self._seeds = dict(self._start)
         self._guards = guards
-        self._clearance = None if clearance is None else ClearancePreflight(clearance, configs, self._seeds)
+        self._clearance = None if clearance is None else clearance.preflight(configs, self._seeds)
         self._refuses = unreachable is Unreachable.REFUSE
         # Tips of the arms of chains after the last accepted row; at rest before the first.
         self._tips = {arm: self._tip(arm, self._seeds[arm]) for guard in guards for arm in guard.arms}

@@ -63,7 +63,7 @@ def require_known(client: ServoClient, axes: Sequence[Axis], memory: BusMemory |
     remembered = memory.load() or memory.empty
     if problem := _problem(axes, marks, remembered, memory):
         raise DeviceNotFoundError(client.bus, problem, accept_remedy(client.bus))
-    devices = _marked(client, axes, marks, memory)
+    devices = marked(client, axes, marks, memory)
     if devices != remembered.devices:
         memory.save(replace(remembered, devices=devices))
 
@@ -93,7 +93,7 @@ def examined(client: ServoClient, axes: Sequence[Axis], memory: BusMemory) -> st
     return _problem(axes, marks, memory.load() or memory.empty, memory)
 
 
-def _marked(
+def marked(
     client: ServoClient, axes: Sequence[Axis], marks: Mapping[int, str], memory: BusMemory
 ) -> dict[str, str]:
     """Mark the servos without a mark and without torque; the marks of all, by id."""
@@ -133,21 +133,3 @@ def require_same(client: ServoClient, axis: Axis) -> None:
             f"another servo answers: expected mark {axis.mark}, found {what}",
             accept_remedy(client.bus),
         )
-
-
-def accept(client: ServoClient, axes: Sequence[Axis], memory: BusMemory) -> list[str]:
-    """Take the servos that answer as those of the bus; returns a line for each.
-
-    Raises:
-        DeviceError: one is silent, or under torque without a mark.
-    """
-    marks = {axis.device: read_mark(client, axis.device) for axis in axes}
-    for axis in axes:
-        if not marks[axis.device] and client.read(axis.device, reg.TORQUE_ENABLE):
-            raise DeviceError(client.name(axis.device), "torque is on and locks its mark", "relax it first")
-    doubled = {mark for mark in marks.values() if mark and [*marks.values()].count(mark) > 1}
-    for axis in axes:
-        if marks[axis.device] in doubled:
-            marks[axis.device] = ""
-    memory.save(replace(memory.empty, devices=_marked(client, axes, marks, memory)))
-    return [f"{client.name(axis.device)}: mark {axis.mark}" for axis in axes]

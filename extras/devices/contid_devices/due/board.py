@@ -12,9 +12,10 @@ from typing import Final
 from contid.errors import ContidError
 from contid.hal import AxisOnBus, Finding, FoundDevice, Report
 from contid.kit.remembered import memory_of
-from contid.kit.serial_ports import find_port, port_name, usb_ports
+from contid.kit.serial_ports import find_port, usb_ports
 from contid.units import BAR
 from contid_driverkit.clock import MonotonicClock
+from contid_driverkit.port_checks import port_name
 from contid_drivers.due import identity
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.options import DueBusOptions, Role

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import closing
+from dataclasses import replace
 from typing import Final
 
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, FoundDevice, Report
-from contid.kit.remembered import memory_of
+from contid.kit.remembered import BusMemory, memory_of
 from contid.kit.serial_ports import find_port
 from contid_devices.dynamixel import commission
 from contid_devices.dynamixel.scan import OTHER_BAUDS, scan
@@ -105,7 +106,7 @@ def accept(name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus], r
     with closing(ServoPort(name, path, options.baud, options.usb_latency_ms / 1e3)) as port:
         client = ServoClient(name, port, {axis.device: axis.name for axis in states})
         handshake(client, states, options)
-        for line in identity.accept(client, states, memory):
+        for line in _accept(client, states, memory):
             report(line)
 
 
@@ -136,3 +137,21 @@ def _count_problem(fresh: Sequence[FoundDevice]) -> str:
         return "no new servo answers: check its plug and supply; a servo with an id in use must be alone"
     ids = ", ".join(f"id {each.address} at {each.baud} baud" for each in fresh)
     return f"{len(fresh)} new servos answer ({ids}): plug in one at a time"
+
+
+def _accept(client: ServoClient, axes: Sequence[Axis], memory: BusMemory) -> list[str]:
+    """Take the servos that answer as those of the bus; returns a line for each.
+
+    Raises:
+        DeviceError: one is silent, or under torque without a mark.
+    """
+    marks = {axis.device: identity.read_mark(client, axis.device) for axis in axes}
+    for axis in axes:
+        if not marks[axis.device] and client.read(axis.device, reg.TORQUE_ENABLE):
+            raise DeviceError(client.name(axis.device), "torque is on and locks its mark", "relax it first")
+    doubled = {mark for mark in marks.values() if mark and [*marks.values()].count(mark) > 1}
+    for axis in axes:
+        if marks[axis.device] in doubled:
+            marks[axis.device] = ""
+    memory.save(replace(memory.empty, devices=identity.marked(client, axes, marks, memory)))
+    return [f"{client.name(axis.device)}: mark {axis.mark}" for axis in axes]

@@ -10,7 +10,6 @@ import pytest
 import yaml
 
 from contid.errors import BadInputError
-from contid.kinematics.tendon.loaded import LoadedTendonModel
 from contid.kinematics.tendon.model import TendonModel
 from contid.kinematics.tendon.residual import TipCorrection
 from contid.robot_file.edit import Change, edited
@@ -18,6 +17,7 @@ from contid.robot_file.load import parse_robot_file
 from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Target
 from contid_fit.calibrate.tendon.residual import Residual, fit_residual
+from contid_tendons.loaded import LoadedTendonModel
 from tests.kinematics.tendon_robots import random_bends, shipped
 
 BENDS, FEATURES, TERMS = 6, 15, 37

@@ -21,10 +21,9 @@ from contid.control.engine.events.buses import BusAnswered, BusStalled, DeviceFa
 from contid.control.engine.events.json_form import to_json
 from contid.control.engine.events.robots import OrderGiven, RobotOverran
 from contid.control.engine.messages import Play
-from contid.control.engine.order_events import answer_of, order_of
 from contid.control.engine.tick_costs import UnansweredError
 from contid.control.engine.tick_layout import DEADLINE, LATENESS, SKIPPED, TICK
-from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard
+from contid.control.engine.wiring import build_robot_configs, chains_of, clearance_of
 from contid.control.process.isolation.model_ports import models_beside
 from contid.control.tick.faults import Fault
 from contid.errors import ContidError, SessionError
@@ -34,6 +33,7 @@ from contid.session.read import Session
 from contid.trajectory.timed import Trajectory
 from contid_sessions.replay.compare import Comparison, Divergence
 from contid_sessions.replay.differences import refuse_other_robots
+from contid_sessions.replay.recorded_orders import answer_of, order_of
 from contid_sessions.replay.recorded_port import RecordedPort, RecordedTick, records_between, slots_of
 
 #: Events that a replay needs besides the records.
@@ -121,8 +121,8 @@ def _replay(session: Session, loaded: LoadedFile, tolerance: float) -> Replayed:
         trajectory=session.trajectory(loaded),
         on_end=OnEnd(session.option("on_end") or "stop"),
         attended=session.option("attended") == "true",
-        guards=chain_guards(loaded),
-        clearance=clearance_guard(loaded),
+        chains=chains_of(loaded),
+        clearance=clearance_of(loaded),
     )
     comparison = Comparison(session.layout, session.device_units, tolerance)
     by_tick: dict[int, list[RunEvent]] = defaultdict(list)

@@ -9,11 +9,15 @@ import pytest
 
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.contact.squeeze import _held, _touching, next_squeeze, why_not
-from contid.control.tick.contact.squeeze_force import CLOSING_M_S
-from contid.control.tick.contact.squeeze_way import Squeeze, SqueezeEnd, greatest_rate, tip_travel_m
+from contid.control.tick.squeezing import Squeeze, SqueezeEnd
+from contid.control.tick.state import OrderRefusedError, RobotState
+from contid.control.tick.supervisor import Mode
+from contid.control.tick.transitions import goto
 from contid.hal import Sample
 from contid.targets import Target
+from contid_contact.squeeze import _held, _touching, next_squeeze, why_not
+from contid_contact.squeeze_force import CLOSING_M_S
+from contid_contact.squeeze_way import greatest_rate, tip_travel_m
 from tests.sense.squeeze_runs import RATE_HZ, hand
 
 START, WAY = (0.060, 0.058), (0.010, -0.006)
@@ -128,5 +132,7 @@ def test_it_needs_a_way_and_a_torque_per_current(config: RobotConfig) -> None:
         why = why_not(config, start, Target(tip_m=(0.030 + way_m, 0.075, 0.0)))
         assert (why == "") == allowed
         assert allowed or f"{1e3 * way_m:.1f} mm from the target, 3 mm" in why
-    assert "nm_per_a" in why_not(replace(config, nm_per_a=0.0), start, Target(tip_m=(0.05, 0.075, 0.0)))
+    armed = RobotState(mode=Mode.HOLD, enabled=True, command=start)
+    with pytest.raises(OrderRefusedError, match="nm_per_a"):
+        goto(replace(config, squeezes=None), armed, Target(tip_m=(0.05, 0.075, 0.0)), 1.0, 2.0)
     assert math.isfinite(greatest_rate(config, closing()))

@@ -9,14 +9,9 @@ import pytest
 
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.contact.squeeze_force import fitting_n
-from contid.control.tick.contact.squeeze_way import (
-    Squeeze,
-    device_turns,
-    greatest_rate,
-    moved,
-    tip_travel_m,
-)
+from contid.control.tick.squeezing import Squeeze
+from contid_contact.squeeze_force import fitting_n
+from contid_contact.squeeze_way import device_turns, greatest_rate, moved, tip_travel_m
 from tests.sense.squeeze_runs import RATE_HZ, hand
 
 START, WAY = (0.060, 0.058), (0.010, -0.006)

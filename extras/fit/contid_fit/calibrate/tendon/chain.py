@@ -13,6 +13,7 @@ import numpy as np
 
 from contid.kinematics.arc import arc
 from contid.kinematics.array import Array
+from contid_fit.calibrate.tendon.arc_jacobians import jacobians
 
 
 class Mounting(NamedTuple):
@@ -60,7 +61,7 @@ def tips(bends: Array, length_m: Array, mounting: Mounting) -> TipRows:
         position = position + (rotation @ p[..., None])[..., 0]
         rotation = rotation @ r
         ends.append(position)
-        locals_.append(arc.jacobians(u, v, length))
+        locals_.append(jacobians(u, v, length))
     marker = np.array([*mounting.marker_m, 0.0])
     tip = position + rotation @ marker
     by_bend, by_length = np.empty((rows, 3, 2 * sections)), np.empty((rows, 3, sections))

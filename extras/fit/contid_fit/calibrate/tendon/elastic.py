@@ -29,8 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contid.kinematics.array import Array
-from contid.kinematics.tendon.capstan import play_series
 from contid.kinematics.tendon.geometry import TendonGeometry, TendonSection
+from contid_fit.calibrate.tendon.play_series import play_series
 
 #: The dissipation is ``sqrt(|x|^2 + SMOOTH^2)``, so that it has derivatives [rad].
 SMOOTH_RAD: Final = 2e-3

@@ -1,1 +1,0 @@
-"""Distances between bodies of robots and to obstacles, bounded from below."""

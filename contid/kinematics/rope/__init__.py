@@ -1,1 +1,0 @@
-"""The rope between two arms: catenary and closed chain."""

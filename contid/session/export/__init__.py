@@ -1,1 +1,0 @@
-"""Sessions in the formats of other programs."""

@@ -1,0 +1,1 @@
+"""Bodies of robots kept apart, and away from obstacles: before motion and in every tick."""

@@ -1,0 +1,1 @@
+"""Tendon robots under loads, and with drives that pull several tendons."""
