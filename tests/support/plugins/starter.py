@@ -64,7 +64,7 @@ LIBRARIES: Final = (
     *("zstandard", "lz4.frame", "psutil", "serial", "ruamel.yaml", "uvicorn", "websockets.asyncio.client"),
 )
 #: A program of a test (`tests.support.command.program`).
-PROGRAM: Final = "tests.support.program"
+PROGRAM: Final = "tests.support.plugins.program"
 #: How a ``sitecustomize.py`` begins that may as well run after contid has been imported.
 LATE: Final = "# This may run after imports.\n"
 #: Commands that start processes of contid themselves: each has a starter of its own.
@@ -297,7 +297,7 @@ def _call(module: str) -> int:
 
             return control(*map(int, sys.argv[1:]))
         elif module == PROGRAM:
-            from tests.support.program import main as program
+            from tests.support.plugins.program import main as program
 
             program()
         else:

@@ -1,4 +1,4 @@
-"""``python -m tests.support.program CODE ARGUMENTS...``: as ``python -c``, but forked (tests/README.md)."""
+"""``python -m ...plugins.program CODE ARGUMENTS...``: as ``python -c``, but forked (tests/README.md)."""
 
 from __future__ import annotations
 
