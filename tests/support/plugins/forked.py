@@ -158,8 +158,8 @@ def _folders(env: Mapping[str, str]) -> list[str] | None:
     if path != THIS_TREE and not path.endswith(os.pathsep + THIS_TREE):
         return None
     folders = [each for each in path.removesuffix(THIS_TREE).split(os.pathsep) if each]
-    codes = [path.read_text() for each in folders if (path := Path(each, "sitecustomize.py")).exists()]
-    return folders if all(code.startswith(starter.LATE) for code in codes) else None
+    codes = [code.read_text() for each in folders if (code := Path(each, "sitecustomize.py")).exists()]
+    return folders if all(text.startswith(starter.LATE) for text in codes) else None
 
 
 def _same_start(first: Mapping[str, str], second: Mapping[str, str]) -> bool:
