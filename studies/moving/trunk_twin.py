@@ -14,7 +14,6 @@ from typing import Final
 
 import numpy as np
 from scipy.linalg import expm
-from scipy.signal import cont2discrete, lfilter
 
 from contid.kinematics.array import Array
 from contid_identify.split import split_time
@@ -61,6 +60,8 @@ class TrunkMode:
         """After values held for a tick, from rest at 0."""
         rate = 2.0 * math.pi * self.hz
         parts = np.polymul([self.lag_s, 1.0], [rate**-2, 2.0 * self.ratio / rate, 1.0])
+        from scipy.signal import cont2discrete, lfilter  # a second and more
+
         above, below, _ = cont2discrete(([1.0], parts), PERIOD_S)
         return np.asarray(lfilter(above.ravel(), below, values, axis=0))
 

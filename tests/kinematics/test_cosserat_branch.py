@@ -1,4 +1,7 @@
-"""The branch of equilibria that counts: against shooting with ramps, and refined before a refusal."""
+"""The branch of equilibria that counts: against shooting with ramps, and refined before a refusal.
+
+Where shooting and walks end is written down, as they take seconds; the campaign shoots and walks again.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from contid.kinematics.array import Array
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.kinematics.cosserat.section import Loads
 from contid.kinematics.model import build_model
 from contid.robot_file.load import load_robot_file
-from contid.targets import Target, Vec3
+from contid.targets import Solution, Target, Vec3
 from contid.units import BAR
 from tests.kinematics.cosserat_cases import GRAM, hanging, solver, standing, two
 from tests.oracles.rod_energy import variation
@@ -29,34 +33,58 @@ def arm(configs: Path) -> CosseratModel:
     return model
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_the_branch_is_that_of_shooting_with_a_ramp(seed: int) -> None:
-    """DOP853 in quaternions, pressures and force raised together in equal steps; 10 g in any direction."""
+#: Where a ramp of shooting ends [mm], by the seed of pressures and force.
+RAMPS = ((50.3431, 50.3939, 44.8438), (-75.8278, 24.3861, 62.4154), (-13.7662, 92.9111, 45.9128))
+
+
+def drawn(seed: int) -> tuple[Array, Array]:
+    """Pressures [bar], and 10 g in any direction [N]."""
     rng = np.random.default_rng(seed)
     pressures, force = rng.uniform(0.0, 1.5, 6), rng.normal(size=3)
-    force *= 10.0 * GRAM / np.linalg.norm(force)
+    return pressures, force * (10.0 * GRAM / np.linalg.norm(force))
+
+
+@pytest.mark.parametrize(("seed", "ramped"), [*enumerate(RAMPS)])
+def test_the_branch_is_that_of_shooting_with_a_ramp(seed: int, ramped: Vec3) -> None:
+    """DOP853 in quaternions, pressures and force raised together in equal steps."""
+    pressures, force = drawn(seed)
     found = standing(two(), pressures, Loads(tip_force=force), 12, 1e-4)
     assert found.carried == 1.0
-    oracle = ramped_tip(two(), pressures, force)
-    assert oracle is not None
-    assert np.linalg.norm(found.tip - oracle) < 1e-3
+    assert np.linalg.norm(found.tip - ramped) < 1e-3
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(("seed", "ramped"), [*enumerate(RAMPS)])
+def test_a_ramp_of_shooting_ends_there(seed: int, ramped: Vec3) -> None:
+    assert ramped_tip(two(), *drawn(seed)) == pytest.approx(np.array(ramped), abs=1e-4)
+
+
+#: Pressures [bar]; under 10 g the base moment [N·mm] and the tip [mm] of walks with the pressures first, and
+#: with the load first.
+ORDERED = np.array([1.2, 0.1, 0.4, 0.2, 1.4, 0.3])
+ORDERED_MOMENT, ORDERED_TIP = (0.237623, 2.667821, 0.0), (-27.194917, 2.42225, 98.680549)
 
 
 def test_the_order_of_pressures_and_load_makes_no_difference_without_a_fold() -> None:
     """The kernel raises both together; walks with the pressures first, and the load first, end there too."""
-    rod, loads = two(), hanging(10.0)
-    pressures = np.array([1.2, 0.1, 0.4, 0.2, 1.4, 0.3])
-    found = standing(rod, pressures, loads, 24)
+    found = standing(two(), ORDERED, hanging(10.0), 24)
     assert found.carried == 1.0
+    assert np.abs(found.moment - ORDERED_MOMENT).max() < 1e-4
+    assert np.abs(found.tip - ORDERED_TIP).max() < 1e-3
+
+
+@pytest.mark.campaign
+def test_walks_in_either_order_end_there() -> None:
+    rod, loads = two(), hanging(10.0)
     scale, rest = load_scale(rod, loads), np.zeros((1, 6))
     hung = walk(rod, loads, scale, rest, parts=10)
     for walked in (
-        walk(rod, loads, scale, pressures[None], pressed=True, parts=20),
-        walk(rod, loads, scale, pressures[None], parts=20, begin=(rest, hung.moment)),
+        walk(rod, loads, scale, ORDERED[None], pressed=True, parts=20),
+        walk(rod, loads, scale, ORDERED[None], parts=20, begin=(rest, hung.moment)),
     ):
         assert walked.there.all()
-        assert np.abs(walked.moment[0] - found.moment).max() < 1e-4
-        assert np.abs(walked.tip[0] - found.tip).max() < 1e-3
+        assert np.abs(walked.moment[0] - ORDERED_MOMENT).max() < 1e-5
+        assert np.abs(walked.tip[0] - ORDERED_TIP).max() < 1e-5
 
 
 def test_a_branch_ends_where_the_arm_buckles() -> None:
@@ -84,45 +112,77 @@ def test_stable_and_critical_load_do_not_rest_on_three_elements(
     assert solver(rod).critical(bar, newtons, 1.0) is None
 
 
-def test_an_answer_is_where_shooting_finds_the_arm(arm: CosseratModel) -> None:
-    """5 g: equilibria on the first target exist 91 mm away from the branch."""
-    load, target = (0.0, 0.0, 0.05), (-0.03908, -0.05567, 0.03771)
-    found = arm.inverse(Target(tip_m=target, load_n=load), (0.5 * BAR,) * 6)
-    pose = arm.forward(found.actuation, load)
-    assert pose.stable
-    assert math.dist(pose.tip_m, target) == pytest.approx(found.residual_m, abs=5e-5)
-    assert found.converged or found.limited_by
-    oracle = ramped_tip(two(), np.array(found.actuation) / BAR, np.array(load))
-    assert oracle is not None
-    assert np.linalg.norm(oracle / 1e3 - pose.tip_m) < 2e-4
-
-
-@pytest.mark.parametrize(("tip_mm", "load_n", "seed_bar", "steps"), [
+#: Targets [mm] under a load [N], the pressures from which they are searched [bar], and steps of the ramp.
+#: 5 g: equilibria on the first target exist 91 mm away from the branch. Six elements met the others where the
+#: branch of six ends before: `forward` was up to 126 mm away. The first ends beside its target, which is out
+#: of reach; for `inverse` is free to choose other pressures, the pressures of an answer and the tip that
+#: shooting found for them come with it [bar, mm].
+ASKED: list[tuple[Vec3, Vec3, tuple[float, ...], int, tuple[float, ...], Vec3]] = [
+    ((-39.08, -55.67, 37.71), (0.0, 0.0, 0.05), (0.5,) * 6, 24,
+     (1.5, 0.0, 0.0, 1.30724, 0.32521, 0.32422), (-38.14293, -51.77507, 39.10478)),
     ((57.12779408, -96.97599988, 11.45069214), (0.04904695, -0.03161956, -0.04836663),
-     (1.45324605, 1.08474158, 1.08921229, 0.67360584, 0.11688788, 1.13933515), 24),
+     (1.45324605, 1.08474158, 1.08921229, 0.67360584, 0.11688788, 1.13933515), 24,
+     (1.45371, 1.08506, 1.08814, 0.67367, 0.11682, 1.13902), (57.12182, -96.97763, 11.43457)),
     ((-43.07795218, -56.61913222, 31.6999024), (0.01965308, -0.04145026, 0.02908514),
-     (1.19119777, 0.03021398, 1.25891197, 0.87175301, 0.44338612, 0.96349625), 100),
-])  # fmt: skip
-def test_more_elements_keep_an_answer_on_the_branch(
-    arm: CosseratModel, tip_mm: Vec3, load_n: Vec3, seed_bar: tuple[float, ...], steps: int
+     (1.19119777, 0.03021398, 1.25891197, 0.87175301, 0.44338612, 0.96349625), 100,
+     (1.0609, 0.0, 1.4995, 1.19866, 0.82047, 0.86382), (75.47959, -22.87401, 15.84657)),
+]  # fmt: skip
+
+
+def answer(arm: CosseratModel, tip_mm: Vec3, load_n: Vec3, seed_bar: tuple[float, ...]) -> Solution:
+    x, y, z = tip_mm
+    target = Target(tip_m=(x / 1e3, y / 1e3, z / 1e3), load_n=load_n)
+    return arm.inverse(target, tuple(BAR * p for p in seed_bar))
+
+
+@pytest.mark.parametrize(("tip_mm", "load_n", "seed_bar", "steps", "bar", "shot_mm"), ASKED)
+def test_an_answer_is_where_shooting_finds_the_arm(
+    arm: CosseratModel,
+    tip_mm: Vec3,
+    load_n: Vec3,
+    seed_bar: tuple[float, ...],
+    steps: int,
+    bar: tuple[float, ...],
+    shot_mm: Vec3,
 ) -> None:
-    """Six elements met these tips where the branch of six ends before: `forward` was up to 126 mm away."""
-    target = (tip_mm[0] / 1e3, tip_mm[1] / 1e3, tip_mm[2] / 1e3)
-    found = arm.inverse(Target(tip_m=target, load_n=load_n), tuple(BAR * p for p in seed_bar))
+    found = answer(arm, tip_mm, load_n, seed_bar)
     pose = arm.forward(found.actuation, load_n)
     assert pose.stable
-    assert math.dist(pose.tip_m, target) == pytest.approx(found.residual_m, abs=5e-5)
-    oracle = ramped_tip(two(), np.array(found.actuation) / BAR, np.array(load_n), steps)
+    assert 1e3 * math.dist(pose.tip_m, [x / 1e3 for x in tip_mm]) == pytest.approx(
+        1e3 * found.residual_m, abs=5e-2
+    )
+    assert found.converged or found.limited_by
+    pose = arm.forward(tuple(BAR * p for p in bar), load_n)
+    assert pose.stable
+    assert np.linalg.norm(np.array(shot_mm) / 1e3 - pose.tip_m) < 2e-4
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(("tip_mm", "load_n", "seed_bar", "steps", "bar", "shot_mm"), ASKED)
+def test_shooting_finds_the_arm_there(
+    arm: CosseratModel,
+    tip_mm: Vec3,
+    load_n: Vec3,
+    seed_bar: tuple[float, ...],
+    steps: int,
+    bar: tuple[float, ...],
+    shot_mm: Vec3,
+) -> None:
+    force = np.array(load_n)
+    assert ramped_tip(two(), np.array(bar), force, steps) == pytest.approx(np.array(shot_mm), abs=1e-3)
+    found = answer(arm, tip_mm, load_n, seed_bar)
+    oracle = ramped_tip(two(), np.array(found.actuation) / BAR, force, steps)
     assert oracle is not None
-    assert np.linalg.norm(oracle / 1e3 - pose.tip_m) < 2e-4
+    assert np.linalg.norm(oracle / 1e3 - arm.forward(found.actuation, load_n).tip_m) < 2e-4
 
 
-def test_answers_and_forward_agree(arm: CosseratModel) -> None:
+@pytest.mark.parametrize("count", [pytest.param(20, marks=pytest.mark.campaign), 6])
+def test_answers_and_forward_agree(arm: CosseratModel, count: int) -> None:
     """Box targets from outside the model's own poses, many out of reach: never a tip elsewhere."""
     rng, met = np.random.default_rng(7), 0
     for grams in (5.0, 10.0):
         load = (0.0, 0.0, grams * GRAM)
-        for _ in range(20):
+        for _ in range(count):
             x, y, z = rng.uniform((-0.09, -0.09, 0.0), (0.09, 0.09, 0.14))
             found = arm.inverse(Target(tip_m=(x, y, z), load_n=load), (0.5 * BAR,) * 6)
             pose = arm.forward(found.actuation, load)
@@ -130,7 +190,7 @@ def test_answers_and_forward_agree(arm: CosseratModel) -> None:
             assert pose.stable
             assert math.dist(pose.tip_m, (x, y, z)) == pytest.approx(found.residual_m, abs=5e-5)
             assert found.converged or found.limited_by
-    assert met > 6
+    assert met > count // 4
 
 
 def test_the_bounded_optimum_is_not_a_local_one(arm: CosseratModel) -> None:

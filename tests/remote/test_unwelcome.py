@@ -17,6 +17,7 @@ import pytest
 from contid.client import RemoteError
 from contid.remote.protocol.wire import MAX_CLIENTS
 from contid.units import MAX_LINE
+from tests.support.command import program
 from tests.support.daemons import armed, command, daemon, raw, states
 from tests.support.waiting import until
 
@@ -184,7 +185,7 @@ def test_a_member_of_the_sockets_group_may_give_orders() -> None:
     )
 
     def as_member(path: Path, *groups: int) -> str:
-        asked = [sys.executable, "-c", script, str(path), *map(str, groups)]
+        asked = program(script, str(path), *map(str, groups))
         return subprocess.run(asked, capture_output=True, text=True, check=True).stdout.strip()
 
     with daemon(1, "--socket-group", group.gr_name) as running, running.client() as client:
@@ -214,7 +215,7 @@ def test_a_member_of_the_watch_group_only_reads_and_stops() -> None:
     )
 
     def as_member(path: Path, group: int) -> list[str]:
-        asked = [sys.executable, "-c", script, str(path), str(group)]
+        asked = program(script, str(path), str(group))
         return subprocess.run(asked, capture_output=True, text=True, check=True).stdout.split()
 
     with daemon(1, "--watch-group", watcher.gr_name) as running, running.client() as client:

@@ -29,6 +29,11 @@ def contid(
     )
 
 
+def program(code: str, *arguments: str) -> list[str]:
+    """The command of a program that imports contid; forked, where ``python -c`` would import anew."""
+    return [sys.executable, "-m", "tests.support.plugins.program", code, *arguments]
+
+
 def environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "drivers")))}
 

@@ -17,6 +17,7 @@ import psutil
 import pytest
 
 from tests.cli.run.running import enabled, feed, journal
+from tests.support.command import program
 from tests.support.fingers import circle_csv
 from tests.support.waiting import until
 
@@ -134,7 +135,7 @@ print(report)
 raise SystemExit(report.exit_code)
 """
     done = subprocess.run(
-        [sys.executable, "-c", script], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60
+        program(script), stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60
     )
     assert done.returncode == 3, done.stderr
     assert "run: a source of commands ended early: OSError: gone" in done.stdout

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
+from pathlib import Path
 
 import psutil
+import pytest
 
+from tests.support.command import environment
 from tests.support.daemons import Running
+from tests.support.plugins.starter import LATE
 
 #: Runs in the control process only, before anything else; its simulated bus is then that of a bad library.
 LIBRARY = """\
@@ -23,6 +28,12 @@ if "contid.control.process" in sys.orig_argv:
         return exchange(self, commands)
     SimBus.exchange = bad
 """
+
+
+def at_start(monkeypatch: pytest.MonkeyPatch, folder: Path, code: str) -> None:
+    """Have the processes of a daemon run code of a folder before all else."""
+    (folder / "sitecustomize.py").write_text(LATE + code)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join((str(folder), environment()["PYTHONPATH"])))
 
 
 def control_of(running: Running) -> int:

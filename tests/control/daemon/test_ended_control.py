@@ -13,8 +13,7 @@ import pytest
 
 from contid.control.daemon.report_builder import ReportBuilder
 from contid.control.engine.events.run import RunFailed, StopBegan
-from tests.control.daemon.ended_control import LIBRARY, control_of, ended
-from tests.support.command import environment
+from tests.control.daemon.ended_control import LIBRARY, at_start, control_of, ended
 from tests.support.daemons import armed
 from tests.support.daemons import fast_daemon as daemon
 from tests.support.waiting import until
@@ -35,8 +34,7 @@ def test_a_signal_to_the_control_process_is_no_end_of_the_input() -> None:
 def test_an_exit_inside_a_driver_is_no_success(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, status: int
 ) -> None:
-    (tmp_path / "sitecustomize.py").write_text(LIBRARY.format(does=f"os._exit({status})"))
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    at_start(monkeypatch, tmp_path, LIBRARY.format(does=f"os._exit({status})"))
     with daemon() as running:
         until(lambda: running.process.poll() is not None, "the daemon has ended")
         code, ending, _ = ended(running)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 
 import pytest
 
-from tests.support.command import environment
+from tests.support.command import environment, program
 
 pytestmark = pytest.mark.process
 
@@ -36,7 +35,7 @@ sys.exit(report.exit_code)
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_a_signal_while_connections_close_ends_nothing_early(name: str) -> None:
     done = subprocess.run(
-        [sys.executable, "-c", RUN, name],
+        program(RUN, name),
         env=environment(),
         stdin=subprocess.DEVNULL,
         capture_output=True,

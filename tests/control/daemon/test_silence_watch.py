@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from contid.control.daemon.silence_watch import Activity, ProcessActivity, Silence, SilenceWatch
-from tests.control.daemon.ended_control import LIBRARY, control_of, ended
+from tests.control.daemon.ended_control import LIBRARY, at_start, control_of, ended
 from tests.support.daemons import HERE, armed, states
 from tests.support.daemons import fast_daemon as daemon
 from tests.support.waiting import until
@@ -163,8 +163,7 @@ if "contid.control.process" in sys.orig_argv:
 @pytest.mark.process
 @pytest.mark.realtime
 def test_a_model_in_c_that_does_not_return_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    (tmp_path / "sitecustomize.py").write_text(C_MODEL)
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    at_start(monkeypatch, tmp_path, C_MODEL)
     with daemon(3) as running:
         running.process.wait(120)  # the time without a processor does not count
         code, ending, messages = ended(running)
@@ -187,8 +186,7 @@ def test_a_model_in_c_that_does_not_return_is_named(monkeypatch: pytest.MonkeyPa
 def test_a_driver_that_hangs_ends_the_run_and_a_slow_one_does_not(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, does: str, killed: bool
 ) -> None:
-    (tmp_path / "sitecustomize.py").write_text(LIBRARY.format(does=does))
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    at_start(monkeypatch, tmp_path, LIBRARY.format(does=does))
     with daemon() as running:
         if killed:
             running.process.wait(30)

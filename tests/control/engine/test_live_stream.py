@@ -90,7 +90,7 @@ def test_a_stream_that_ends_amid_a_motion_goes_no_farther_than_its_stop(
 
 
 @pytest.mark.parametrize("robot", ["finger", "cbha", "trirack"])
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(k, marks=pytest.mark.campaign) for k in range(2, 6))])
 @pytest.mark.slow
 def test_limits_hold_whatever_the_rows_do(robot: str, seed: int) -> None:
     """Rows that jump, stop, restart, change their rate; velocity, acceleration and jerk of the file hold."""

@@ -53,8 +53,13 @@ ANSWERS: dict[str, tuple[Callable[[Any], Callable[..., Any]], str]] = {
 }
 
 
-@pytest.mark.parametrize("on_fault", ["hold", "relax"])
-@pytest.mark.parametrize("kind", [*MODELS, *ANSWERS])
+#: Every defect with one reaction of the robot; what a fault does does not ask for its cause.
+DEFECTS = [(kind, "hold") for kind in (*MODELS, *ANSWERS)] + [
+    (kind, "relax") for kind in (*MODELS, "NaN", "None as residual")
+]
+
+
+@pytest.mark.parametrize(("kind", "on_fault"), DEFECTS)
 def test_a_defect_of_a_model_costs_its_robot_only(sound: list[str], kind: str, on_fault: str) -> None:
     run = BrokenRun(on_fault)
     broken, words = MODELS.get(kind, ({}, ""))

@@ -23,6 +23,8 @@ from contid.trajectory.read import read_trajectory
 from tests.support.fingers import Collector, circle, fingers, load
 
 RATE = 200.0
+#: Of runs that last long.
+SLOW_RATE = 50.0
 TOLERANCE_M = tip_tolerance_m(Quantity.LENGTH)
 
 
@@ -97,7 +99,7 @@ def test_a_nearest_point_that_is_not_reached_ends_the_run_with_a_fault() -> None
     for text, exit_code in ((slow, 3), (fingers(1), 0)):
         loaded = parse_robot_file(text, "fingers.yaml")
         rows = "t_s,x_mm,y_mm\n0,50,75\n0.5,50,75\n0.7,50,395\n"
-        report = run_virtual(loaded, RATE, read_trajectory(io.StringIO(rows), "far.csv", loaded.driven))
+        report = run_virtual(loaded, SLOW_RATE, read_trajectory(io.StringIO(rows), "far.csv", loaded.driven))
         assert report.exit_code == exit_code
         assert report.robots["f0"]["ticks_unreachable"]
         assert report.robots["f0"]["fault"] == (Fault.TIP_OFF_TARGET if exit_code else Fault.NONE)

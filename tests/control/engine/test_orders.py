@@ -205,10 +205,11 @@ def test_a_fault_in_the_tick_of_an_order_to_rest_does_not_take_its_place(
 
 
 @pytest.mark.slow
-def test_estop_rests_the_devices_in_the_tick_it_comes_in_every_state(tmp_path: Path) -> None:
+@pytest.mark.parametrize("step", [pytest.param(31, marks=pytest.mark.campaign), 62])
+def test_estop_rests_the_devices_in_the_tick_it_comes_in_every_state(tmp_path: Path, step: int) -> None:
     """By the journal of the devices, at the deadline of that very tick every axis is off."""
     seen: set[int] = set()
-    for at in (*range(9), *range(9, 900, 31)):
+    for at in (*range(9), *range(9, 900, step)):
         path = tmp_path / f"{at}.jsonl"
         loaded = load(1, options=f"journal_file: {path}\n{OVERLOAD}")
         collector = Collector(loaded)

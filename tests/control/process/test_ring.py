@@ -9,7 +9,6 @@ import random
 import resource
 import stat
 import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -23,6 +22,7 @@ from contid.control.process import ring
 from contid.control.process.ring_reader import RingReader
 from contid.control.process.ring_writer import RingWriter
 from contid.control.process.shared_files import folder
+from tests.support.command import program
 
 LAYOUT = RecordLayout(
     "hand",
@@ -118,7 +118,7 @@ writer.finish()
 @pytest.mark.process
 def test_the_number_of_records_never_falls_while_another_process_writes(path: Path) -> None:
     reader = RingReader(path)
-    with subprocess.Popen([sys.executable, "-c", WRITER, str(path)]) as process:
+    with subprocess.Popen(program(WRITER, str(path))) as process:
         last = 0
         while not reader.finished and process.poll() is None:
             for _ in range(1000):
@@ -213,10 +213,11 @@ def test_events_longer_than_a_slot_arrive_complete_or_marked_as_cut(path: Path) 
 
 
 @pytest.mark.slow
-def test_a_slow_reader_never_joins_parts_of_different_events(path: Path) -> None:
+@pytest.mark.parametrize("rounds", [pytest.param(40, marks=pytest.mark.campaign), 10])
+def test_a_slow_reader_never_joins_parts_of_different_events(path: Path, rounds: int) -> None:
     writer, reader = RingWriter(path), RingReader(path)
     dice, written, read = random.Random(4), 0, []
-    for _ in range(40):
+    for _ in range(rounds):
         for _ in range(dice.randrange(1200)):
             ballast = [written] * dice.choice((1, 1, 500, 3000))
             writer.event(OrderGiven(tick=written, order={"order": "rows", "ballast": ballast}))

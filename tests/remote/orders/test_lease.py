@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 import time
 
 import pytest
 
 from contid.client import AsyncClient, Code, RemoteError
+from tests.support.command import program
 from tests.support.daemons import FAR, HERE, armed, daemon, states
 from tests.support.fingers import circle_csv
 from tests.support.waiting import until
@@ -25,7 +25,7 @@ def test_robots_hold_when_the_holder_dies() -> None:
     )
     with daemon() as running, running.client() as client:
         armed(client)
-        doomed = subprocess.Popen([sys.executable, "-c", script, str(running.socket)])
+        doomed = subprocess.Popen(program(script, str(running.socket)))
         try:
             until(lambda: states(client) == {"RUN"}, "it streams")
             with pytest.raises(RemoteError) as refused:

@@ -23,7 +23,7 @@ THIS_TREE: Final = os.pathsep.join((str(ROOT), str(ROOT / "drivers")))
 #: What this run was started with, as for a plug-in that measures it.
 OWN_PATH: Final = os.environ.get("PYTHONPATH", "")
 #: ``python -m MODULE`` that a starter can be. The recorder outlives its daemon, the control process does not.
-MODULES: Final = ("contid", "contid.control.process", "contid.session.mcap_recorder")
+MODULES: Final = ("contid", "contid.control.process", "contid.session.mcap_recorder", starter.PROGRAM)
 #: Variables that the interpreter or a library reads while it starts: where they differ nothing is forked.
 READ_AT_START: Final = ("PYTHON", "LC_", "LANG", "TZ", "LD_", "MALLOC_", "CONTID_", "OPENBLAS_", "OMP_")
 #: The starter has them, so that it has one thread.
@@ -177,14 +177,15 @@ def _request(args: Sequence[Any], env: Mapping[str, str]) -> dict[str, Any] | No
 
 
 def _folders(env: Mapping[str, str]) -> list[str] | None:
-    """What PYTHONPATH names before this tree; None for another tree, or code that runs at the start."""
+    """What PYTHONPATH names before this tree; None for another tree, or code that must run first."""
     path = env.get("PYTHONPATH") or THIS_TREE
     if path == OWN_PATH:
         path = os.pathsep.join((path, THIS_TREE))
     if path != THIS_TREE and not path.endswith(os.pathsep + THIS_TREE):
         return None
     folders = [each for each in path.removesuffix(THIS_TREE).split(os.pathsep) if each]
-    return None if any(Path(each, "sitecustomize.py").exists() for each in folders) else folders
+    codes = [code.read_text() for each in folders if (code := Path(each, "sitecustomize.py")).exists()]
+    return folders if all(text.startswith(starter.LATE) for text in codes) else None
 
 
 def _same_start(first: Mapping[str, str], second: Mapping[str, str]) -> bool:

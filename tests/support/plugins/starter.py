@@ -67,6 +67,10 @@ LIBRARIES: Final = (
     ),
     *("zstandard", "lz4.frame", "psutil", "serial", "ruamel.yaml", "uvicorn", "websockets.asyncio.client"),
 )
+#: A program of a test (`tests.support.command.program`).
+PROGRAM: Final = "tests.support.plugins.program"
+#: How a ``sitecustomize.py`` begins that may as well run after contid has been imported.
+LATE: Final = "# This may run after imports.\n"
 #: Commands that start processes of contid themselves: each has a starter of its own.
 PARENTS: Final = ("run", "home", "demo")
 _PR_SET_MM: Final = 35
@@ -139,10 +143,14 @@ def _become(request: dict[str, Any], descriptors: list[int], between: int) -> No
         _set_arguments(request)
         while os.getppid() == between:  # it has not ended yet
             os.sched_yield()
-        parent = _fork_starter() if request["arguments"][:1] and request["arguments"][0] in PARENTS else None
+        starts = request["module"] == PROGRAM or {*request["arguments"][:1]} & {*PARENTS}
+        parent = _fork_starter() if starts else None
         _set_signals(request)
         if parent is not None:
             _start_by(parent)
+        for folder in request["folders"]:
+            if (late := Path(folder, "sitecustomize.py")).exists():
+                exec(compile(late.read_text(), str(late), "exec"), {"__name__": "sitecustomize"})
         code = _run(request["module"])
     except BaseException:
         traceback.print_exc()
@@ -292,6 +300,10 @@ def _call(module: str) -> int:
             from contid.control.process.__main__ import main as control
 
             return control(*map(int, sys.argv[1:]))
+        elif module == PROGRAM:
+            from tests.support.plugins.program import main as program
+
+            program()
         else:
             from contid.session.mcap_recorder import main as recorder
 

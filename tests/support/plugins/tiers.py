@@ -7,16 +7,20 @@ judges what they do; with a path it runs everything there. CI runs all but campa
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from collections.abc import Generator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Final
 
 import pytest
 
 #: Marks of tests that are not pure.
 MARKS: Final = ("process", "slow", "campaign", "realtime")
+#: How a file begins whose tests are all campaigns.
+CAMPAIGN: Final = re.compile(r"^pytestmark = .*pytest\.mark\.campaign\b", re.MULTILINE)
 #: Processor time of a pure test with its fixtures [s].
 PURE_S: Final = 2.0
 #: Most that a pure test may sleep, all calls together [s].
@@ -86,6 +90,14 @@ def pytest_configure_node(node: Any) -> None:
     """Workers of pytest-xdist get the choice of tests."""
     node.workerinput["only_pure"] = node.config.stash[_ONLY_PURE]
     node.workerinput["judged"] = node.config.stash[_JUDGED]
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Files of campaigns only are not imported where campaigns do not run: every worker imports all."""
+    others = config.stash[_ONLY_PURE] or config.option.markexpr == "not campaign"
+    if others and collection_path.match("test_*.py") and CAMPAIGN.search(collection_path.read_text()):
+        return True
+    return None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,6 +14,7 @@ from typing import Any
 import pytest
 
 from contid_emulate.dynamixel import DynamixelEmulator, Servo
+from tests.support.command import program
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
@@ -46,7 +46,7 @@ while True:
 def driving(port: str) -> Iterator[subprocess.Popen[str]]:
     paths = {"PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "drivers")))}
     process = subprocess.Popen(
-        [sys.executable, "-c", CIRCLE, port, str(WATCHDOG_MS)],
+        program(CIRCLE, port, str(WATCHDOG_MS)),
         stdout=subprocess.PIPE,
         text=True,
         env={**os.environ, **paths},
