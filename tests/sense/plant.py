@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import root
 
+from contid.kinematics.cosserat.identified import SectionErrors, scaled_arm
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import load_named
 from contid.units import BAR
-from contid_fit.sense import rod_family
 from tests.oracles.rod_shooting import shoot
 
 #: Wrong by: modulus of the sections, moments, offset and half the loop of a regulator [bar].
@@ -50,7 +50,7 @@ class Plant:
         links = [1e-3 * link_g * (each.link > 0.0) * down for each in rod.sections]
         self.weights = np.array(silicone), np.array(links)
         masses = [density_kg_m3] * 2 + [link_g * (each.link > 0.0) for each in rod.sections]
-        self.near = rod_family(shipped_robot()).build(np.array([0.0] * 4 + masses))
+        self.near = CosseratModel(scaled_arm(shipped_robot(), SectionErrors.of([0.0] * 4 + masses, 2)))
         self.offset = self.rng.uniform(-OFFSET_BAR, OFFSET_BAR, 6)
         self.pressure = np.zeros(6)  # inside the chambers, without the offset
 
