@@ -24,8 +24,8 @@ PAGES = [
     for page in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
     if blocks(name := str(page.relative_to(ROOT)))
 ]
-#: The commands of the first page start as a reader starts them, all others fork.
-STARTED = [pytest.param(page, marks=[pytest.mark.true_process] * (page == "README.md")) for page in PAGES]
+#: Commands fork. In campaigns those of the first page start as a reader starts them as well.
+STARTED = [*PAGES, pytest.param("README.md", marks=pytest.mark.campaign, id="README.md as a reader")]
 
 
 @pytest.mark.process

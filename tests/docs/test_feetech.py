@@ -17,7 +17,7 @@ import pytest
 from contid_feetech.emulator import FeetechEmulator, Servo
 from tests.support.waiting import until
 
-pytestmark = [pytest.mark.process, pytest.mark.true_process]
+pytestmark = pytest.mark.process
 
 ROOT = Path(__file__).parent.parent.parent
 FEETECH = ROOT / "examples" / "feetech"

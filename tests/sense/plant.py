@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import root
 
+from contid.kinematics.cosserat.identified import SectionErrors, scaled_arm
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import load_named
@@ -48,6 +49,8 @@ class Plant:
         silicone = [density_kg_m3 * 1e-9 * each.area * each.length * down for each in rod.sections]
         links = [1e-3 * link_g * (each.link > 0.0) * down for each in rod.sections]
         self.weights = np.array(silicone), np.array(links)
+        masses = [density_kg_m3] * 2 + [link_g * (each.link > 0.0) for each in rod.sections]
+        self.near = CosseratModel(scaled_arm(shipped_robot(), SectionErrors.of([0.0] * 4 + masses, 2)))
         self.offset = self.rng.uniform(-OFFSET_BAR, OFFSET_BAR, 6)
         self.pressure = np.zeros(6)  # inside the chambers, without the offset
 
@@ -55,21 +58,18 @@ class Plant:
         """Regulators follow a command as far as their play allows."""
         self.pressure = np.clip(self.pressure, bar - HALF_LOOP_BAR, bar + HALF_LOOP_BAR)
 
-    def tip_m(self, force_n):
-        """The tip at rest [m]; contid's model gives the start of the search only."""
+    def tip_m(self, force_n, start=None):
+        """The tip at rest [m]; contid's model, or a moment at the base [N·mm], only starts the search."""
         pressures = self.pressure + self.offset
         force = np.asarray(force_n, float)
-        start = np.array(self.model.engine.forward(pressures.tolist(), tuple(force)).base_moment_nmm)
-        for part in (1.0,) if not self.weights[0].any() else (0.25, 0.5, 0.75, 1.0):
-            weights = [part * each for each in self.weights]
-            found = root(
-                lambda m, w=weights: shoot(self.rod, pressures, force, m, *w)[1],
-                start,
-                options={"xtol": 1e-8},
-            )
-            assert found.success
-            start = found.x
-        return shoot(self.rod, pressures, force, start, *self.weights)[0] / 1e3
+        if start is None:
+            start = self.near.engine.forward(pressures.tolist(), tuple(force)).base_moment_nmm
+        found = root(
+            lambda m: shoot(self.rod, pressures, force, m, *self.weights)[1], start, options={"xtol": 1e-8}
+        )
+        assert found.success
+        self.base_moment = found.x
+        return shoot(self.rod, pressures, force, found.x, *self.weights)[0] / 1e3
 
     def creeping(self, force_n, per_decade, ages_s):
         """Tips without noise at ages of the pose [s], shape (n, 3) [m].
@@ -78,11 +78,12 @@ class Plant:
         a line in the compliance.
         """
         grown = 1.0 + per_decade * np.log10(1.0 + np.asarray(ages_s) / 0.1)
-        stiff, ends = self.rod, []
+        stiff, ends, start = self.rod, [], None
         for part in grown[[0, -1]]:
             softer = [replace(s, modulus_pa=tuple(b / part for b in s.modulus_pa)) for s in stiff.sections]
             self.rod = replace(stiff, sections=tuple(softer))
-            ends.append(self.tip_m(force_n))
+            ends.append(self.tip_m(force_n, start))
+            start = self.base_moment
         self.rod = stiff
         share = (grown - grown[0]) / (grown[-1] - grown[0])
         return ends[0] + share[:, None] * (ends[1] - ends[0])

@@ -37,10 +37,11 @@ def tracked(tracker, scene, seconds, rng, light=1.0, hide=0.3):
     return np.array(errors), looks
 
 
+@pytest.mark.parametrize("seconds", [1.5, pytest.param(3.0, marks=pytest.mark.campaign)])
 @pytest.mark.parametrize(("light", "noise", "blur_px"), [(1.0, 2.5, 0.8), (0.35, 3.0, 1.1)])
-def test_the_tip_is_measured_in_two_lights_while_tags_are_hidden_now_and_then(light, noise, blur_px):
-    rng = np.random.default_rng(1)
-    errors, looks = tracked(TipTracker(setup()), Scene.usual(noise=noise, blur_px=blur_px), 3.0, rng, light)
+def test_the_tip_is_measured_in_two_lights_while_tags_are_hidden_now_and_then(light, noise, blur_px, seconds):
+    rng, scene = np.random.default_rng(1), Scene.usual(noise=noise, blur_px=blur_px)
+    errors, looks = tracked(TipTracker(setup()), scene, seconds, rng, light)
     assert len(errors) > 0.8 * len(looks)
     mm, degrees = np.sqrt(np.mean(errors**2, axis=0))
     assert mm <= 0.3
@@ -77,7 +78,7 @@ def test_a_calibrated_camera_measures_as_the_true_one():
     )
     assert np.linalg.norm(seen - lens.pixels(rays), axis=1).mean() < 1.0
     found = Lens(lens.size, camera.focal_px, camera.center_px, camera.distortion)
-    errors, looks = tracked(TipTracker(setup(found)), Scene.usual(), 3.0, rng, hide=0.0)
+    errors, looks = tracked(TipTracker(setup(found)), Scene.usual(), 1.5, rng, hide=0.0)
     assert len(errors) == len(looks)
     assert np.sqrt(np.mean(errors[:, 0] ** 2)) <= 0.3
     assert np.sqrt(np.mean(errors[:, 1] ** 2)) <= 0.3

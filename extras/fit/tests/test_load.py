@@ -1,6 +1,7 @@
 """Loads of a plant by another formulation and with wrong parameters, as errors and intervals; the command."""
 
 import json
+import math
 import subprocess
 import sys
 
@@ -171,15 +172,20 @@ def test_the_drift_at_rests_gives_the_creep():
     assert creep.sigma < 0.004
 
 
-def test_what_no_parameter_explains_is_refused():
-    """A tracker whose frame is turned: no arm bends like that."""
+@pytest.mark.parametrize(
+    ("turned_deg", "far"),
+    [(60.0, "s2.modulus"), pytest.param(90.0, "s1.moment", marks=pytest.mark.campaign)],
+)
+def test_what_no_parameter_explains_is_refused(turned_deg, far):
+    """A tracker whose frame is turned: no arm bends like that. From a quarter turn on the model buckles."""
+    cos, sin = math.cos(math.radians(turned_deg)), math.sin(math.radians(turned_deg))
 
     class Turned(Plant):
-        def tip_m(self, force_n):
-            x, y, z = super().tip_m(force_n)
-            return np.array([-y, x, z])
+        def tip_m(self, force_n, start=None):
+            x, y, z = super().tip_m(force_n, start)
+            return np.array([cos * x - sin * y, sin * x + cos * y, z])
 
-    with pytest.raises(CalibrationError, match=r"s1\.moment .* standard deviations from the file"):
+    with pytest.raises(CalibrationError, match=f"{far} .* standard deviations from the file"):
         calibrated(Turned(1), np.random.default_rng(5), 20)
 
 

@@ -102,7 +102,7 @@ async def test_a_stop_that_waited_stops(
     process = (served if sleeper == "panel" else running).process.pid
     async with page(served) as it:
         await it.until(lambda page: page.state() == "HOLD")
-        async with asleep(process, 3.0):
+        async with asleep(process, PAUSES_S[0]):
             number = await it.send(verb)
         assert (await reply(it, number))["ok"]
     until(running.off, "the devices are without torque")

@@ -32,19 +32,25 @@ def transported(lines: Array, across: Array, along: Array) -> tuple[Array, Array
         Axes x, y and tangents z, each (n, points, 3).
     """
     z = tangents(lines)
+    before = np.concatenate([np.broadcast_to(along, z[:, 0].shape)[:, None], z[:, :-1]], axis=1)
+    turns = _turns(before, z)
     x = np.empty_like(z)
-    before, last = np.broadcast_to(along, z[:, 0].shape), np.broadcast_to(across, z[:, 0].shape)
+    last = np.broadcast_to(across, z[:, 0].shape)
     for k in range(z.shape[1]):
-        last = _turned(last, before, z[:, k])
-        x[:, k], before = last, z[:, k]
+        last = np.matmul(turns[:, k], last[:, :, None])[:, :, 0]
+        x[:, k] = last
+    x -= z * np.sum(x * z, axis=-1, keepdims=True)
+    x /= np.maximum(np.linalg.norm(x, axis=-1, keepdims=True), TINY)
     return x, np.cross(z, x), z
 
 
-def _turned(vectors: Array, before: Array, after: Array) -> Array:
-    """Vectors rotated as the tangents are, with the least rotation, each (n, 3)."""
+def _turns(before: Array, after: Array) -> Array:
+    """The least rotations that turn unit vectors into others, each (..., 3): matrices (..., 3, 3)."""
     w = np.cross(before, after)
-    c = np.sum(before * after, axis=1, keepdims=True)
-    dot = np.sum(w * vectors, axis=1, keepdims=True)
-    turned = vectors * c + np.cross(w, vectors) + w * dot / np.maximum(1.0 + c, TINY)
-    turned -= after * np.sum(turned * after, axis=1, keepdims=True)
-    return np.asarray(turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), TINY))
+    c = np.sum(before * after, axis=-1)
+    turns = w[..., :, None] * (w / np.maximum(1.0 + c, TINY)[..., None])[..., None, :]
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        turns[..., i, i] += c
+        turns[..., i, j] -= w[..., k]
+        turns[..., j, i] += w[..., k]
+    return np.asarray(turns)

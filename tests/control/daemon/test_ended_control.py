@@ -14,6 +14,7 @@ import pytest
 from contid.control.daemon.report_builder import ReportBuilder
 from contid.control.engine.events.run import RunFailed, StopBegan
 from tests.control.daemon.ended_control import LIBRARY, at_start, control_of, ended
+from tests.support.command import environment
 from tests.support.daemons import armed
 from tests.support.daemons import fast_daemon as daemon
 from tests.support.waiting import until

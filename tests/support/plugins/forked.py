@@ -23,7 +23,15 @@ THIS_TREE: Final = os.pathsep.join((str(ROOT), str(ROOT / "drivers")))
 #: What this run was started with, as for a plug-in that measures it.
 OWN_PATH: Final = os.environ.get("PYTHONPATH", "")
 #: ``python -m MODULE`` that a starter can be. The recorder outlives its daemon, the control process does not.
-MODULES: Final = ("contid", "contid.control.process", "contid.session.mcap_recorder", starter.PROGRAM)
+MODULES: Final = (
+    "contid",
+    "contid.control.process",
+    "contid.session.mcap_recorder",
+    "tests.support.fleet_mover",
+    starter.PROGRAM,
+)
+#: What runs a command in a network namespace, whose name follows.
+IN_NAMESPACE: Final = ["ip", "netns", "exec"]
 #: Variables that the interpreter or a library reads while it starts: where they differ nothing is forked.
 READ_AT_START: Final = ("PYTHON", "LC_", "LANG", "TZ", "LD_", "MALLOC_", "CONTID_", "OPENBLAS_", "OMP_")
 #: The starter has them, so that it has one thread.
@@ -158,7 +166,9 @@ def _request(args: Sequence[Any], env: Mapping[str, str]) -> dict[str, Any] | No
     """What to fork; None for what a starter cannot be."""
     if not all(isinstance(each, (str, os.PathLike)) for each in args):
         return None
-    words = [os.fspath(each) for each in args]
+    words, network = [os.fspath(each) for each in args], None
+    if words[:3] == IN_NAMESPACE:
+        network, words = words[3], words[4:]
     safe_path = words[1:2] == ["-P"]
     rest = words[2:] if safe_path else words[1:]
     if words[0] != sys.executable or rest[:1] != ["-m"] or not set(rest[1:2]) & {*MODULES}:
@@ -171,6 +181,7 @@ def _request(args: Sequence[Any], env: Mapping[str, str]) -> dict[str, Any] | No
         "arguments": rest[2:],
         "command": words,
         "safe_path": safe_path,
+        "network": network,
         "folders": folders,
         "environment": {str(key): str(value) for key, value in env.items()},
     }

@@ -73,6 +73,7 @@ PROGRAM: Final = "tests.support.plugins.program"
 LATE: Final = "# This may run after imports.\n"
 #: Commands that start processes of contid themselves: each has a starter of its own.
 PARENTS: Final = ("run", "home", "demo")
+_CLONE_NEWNET: Final = 0x40000000
 _PR_SET_MM: Final = 35
 _PR_SET_MM_ARG_END: Final = 9
 
@@ -136,6 +137,8 @@ def _become(request: dict[str, Any], descriptors: list[int], between: int) -> No
             os.setsid()
         elif request["group"] is not None:
             os.setpgid(0, request["group"])
+        if request["network"] is not None:
+            _enter(request["network"])
         os.umask(request["umask"])
         os.chdir(request["folder"])
         os.environ.clear()
@@ -156,6 +159,13 @@ def _become(request: dict[str, Any], descriptors: list[int], between: int) -> No
         traceback.print_exc()
     finally:
         os._exit(code)
+
+
+def _enter(network: str) -> None:
+    """Go into a network namespace, as ``ip netns exec`` does."""
+    with Path("/var/run/netns", network).open() as file:
+        if ctypes.CDLL(None, use_errno=True).setns(file.fileno(), _CLONE_NEWNET):
+            raise OSError(ctypes.get_errno(), f"network namespace {network}")
 
 
 def _set_files(numbers: list[int], descriptors: list[int]) -> None:
@@ -305,9 +315,7 @@ def _call(module: str) -> int:
 
             program()
         else:
-            from contid.session.mcap_recorder import main as recorder
-
-            return recorder() or 0
+            return importlib.import_module(module).main() or 0
     except SystemExit as done:
         if done.code is None or isinstance(done.code, int):
             return done.code or 0

@@ -6,6 +6,7 @@ import json
 import math
 import subprocess
 import sys
+from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 
@@ -17,7 +18,11 @@ from ruamel.yaml import YAML
 from contid.errors import ContidError
 from contid.robot_file.load import load_named, load_robot_file
 from contid.robot_file.tendon.robot import TendonRobot
+from contid_fit.calibrate.tendon import fit_robot
 from contid_fit.calibrate.tendon.fit_robot import calibrate
+from contid_fit.calibrate.tendon.models import Nominal
+from contid_fit.calibrate.tendon.recording import TendonRecording
+from contid_fit.calibrate.tendon.stages import Stage, run_stages
 from contid_fit.commands import command
 from contid_fit.commands.tendon_session import session_recording
 from tests.calibrate.tendon_recordings import excerpt, excerpt_lines
@@ -47,7 +52,27 @@ def thinned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def fitted_once() -> Iterator[None]:
+    """The stages of the same rows and geometry are fitted once: they do not depend on the rest of a file."""
+    made: dict[bytes, tuple[Stage, ...]] = {}
+
+    def stages(
+        training: TendonRecording, held_out: TendonRecording | None, nominal: Nominal
+    ) -> tuple[Stage, ...]:
+        rows = [part for each in (training, held_out) if each for part in (each.pull_m, each.tip_m)]
+        key = b"".join(part.tobytes() for part in rows) + repr(nominal).encode()
+        if key not in made:
+            made[key] = tuple(run_stages(training, held_out, nominal))
+        return made[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fit_robot, "run_stages", stages)
+        yield
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("fitted_once")
 def test_the_fit_is_written_back_with_its_origin(thinned: Path, tmp_path: Path) -> None:
     robot_file, figure = tmp_path / "arm.yaml", tmp_path / "fit.png"
     written = CONFIG.read_text(encoding="utf-8")
@@ -181,6 +206,7 @@ def test_rows_kept_out_that_are_no_text_are_named(tmp_path: Path) -> None:
     assert "scan.csv: not a table in UTF-8 text" in str(result.exception)
 
 
+@pytest.mark.usefixtures("fitted_once")
 def test_friction_is_added_to_a_file_without_it_where_it_predicts_better(
     thinned: Path, tmp_path: Path
 ) -> None:

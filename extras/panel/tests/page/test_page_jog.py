@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -13,9 +14,10 @@ pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 
 from playwright.sync_api import Browser, Page
 
+from contid.client import Client
 from tests.support.browser import OpenPage, opened
-from tests.support.daemons import Running, shipped
-from tests.support.panels import panel
+from tests.support.daemons import Running, shipped, states
+from tests.support.panels import PanelProcess, panel
 from tests.support.waiting import until
 
 #: Leases lapse in real time, and the browser shares the cores.
@@ -103,15 +105,48 @@ def fields(running: Running) -> dict[str, Any]:
     raise AssertionError("no telemetry")
 
 
-@pytest.fixture(params=["tendon3", "ftdcr_v4"])
-def at_rest(request: pytest.FixtureRequest, browser: Browser) -> Iterator[tuple[OpenPage, Running, Orders]]:
-    with shipped(request.param) as running, panel(running) as served, opened(browser, served) as it:
+@dataclass
+class Shared:
+    """A robot with a panel, and the commands of its axes as it started, straight, by column."""
+
+    running: Running
+    served: PanelProcess
+    began: dict[str, float]
+
+    def return_to_rest(self) -> None:
+        """Make it straight again, if it was moved."""
+        with self.running.client(name="next test") as client:
+            if commands(client) != self.began:
+                client.acquire(20.0, takeover=True)
+                client.move(dict.fromkeys(self.began, 0.0))
+                client.release()
+            until(lambda: states(client) == {"HOLD"}, "the robot holds")
+
+
+def commands(client: Client) -> dict[str, float]:
+    """The command of every axis of the only robot, by its column."""
+    ((robot, status),) = client.status()["robots"].items()
+    return {f"{robot}.{axis}_mm": values["command_mm"] for axis, values in status["axes"].items()}
+
+
+@pytest.fixture(scope="module", params=["tendon3", "ftdcr_v4"])
+def shared_robot(request: pytest.FixtureRequest) -> Iterator[Shared]:
+    with shipped(request.param) as running, panel(running) as served:
+        with running.client() as client:
+            began = commands(client)
+        yield Shared(running, served, began)
+
+
+@pytest.fixture
+def at_rest(shared_robot: Shared, browser: Browser) -> Iterator[tuple[OpenPage, Running, Orders]]:
+    shared_robot.return_to_rest()
+    with opened(browser, shared_robot.served) as it:
         orders = Orders(it)
         it.page.reload()
         it.page.wait_for_selector(".robot[data-state=HOLD]")
         it.take_control()
         it.page.wait_for_selector(".robot input:enabled")
-        yield it, running, orders
+        yield it, shared_robot.running, orders
 
 
 def press(it: OpenPage, slider: Any, key: str) -> None:

@@ -59,7 +59,7 @@ def test_a_jog_out_of_reach_is_refused_with_a_message(it: OpenPage, running: Run
     note.filter(has_text="out of reach").wait_for()
     it.page.mouse.up()
     it.state("f0", "HOLD")
-    it.page.wait_for_timeout(4000)  # the page draws every two seconds at least
+    it.page.wait_for_timeout(2500)  # the page draws every two seconds at least
     assert "out of reach" in note.inner_text()  # a hand that is off has not read it yet
     slider.focus()
     it.page.keyboard.press("ArrowLeft")
