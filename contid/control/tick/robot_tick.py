@@ -25,7 +25,7 @@ from contid.control.tick.next_command import next_command
 from contid.control.tick.play import led, next_lead
 from contid.control.tick.regulator_loops import next_loop_lead
 from contid.control.tick.shaping import next_shaped
-from contid.control.tick.state import RobotState
+from contid.control.tick.state import Missed, RobotState
 from contid.control.tick.supervisor import Event, Mode
 from contid.control.tick.taut import lifted
 from contid.control.tick.tip_feedback import Measurement, corrected, kept, observed
@@ -231,7 +231,13 @@ def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target
     in_base = config.frame.target_in_base(target)
     if config.feedback is not None:
         in_base = corrected(state.correction, in_base)
-    solution = _checked(config, config.model.inverse(in_base, state.command))
+    # The same question has the same answer: a row out of reach that stands is searched for once.
+    missed = state.missed
+    if missed is None or missed.seed != state.command or missed.target_in_base != in_base:
+        solution = _checked(config, config.model.inverse(in_base, state.command))
+        missed = None if solution.converged else Missed(in_base, state.command, solution)
+    else:
+        solution = missed.solution
     if not all(map(math.isfinite, solution.actuation)):
         message = f"the model answered {solution.actuation} to {in_base}"
         return _move(config, fail(config, state, Fault.NOT_A_NUMBER, message, now_s), now_s)
@@ -242,7 +248,8 @@ def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target
     if target_tip is None:
         asked = solution.actuation if in_base.arcs else in_base.actuation or command
         target_tip = tip if asked == command else config.model.forward(asked, in_base.load_n).tip_m
-    return TickResult(result.state, result.device, solution, math.dist(tip, target_tip), result.limits)
+    after = result.state if missed is None else replace(result.state, missed=missed)
+    return TickResult(after, result.device, solution, math.dist(tip, target_tip), result.limits)
 
 
 def _checked(config: RobotConfig, answer: Solution) -> Solution:

@@ -15,7 +15,7 @@ from contid.errors import ContidError
 from contid.hal import Rest
 from contid.records import record
 from contid.robot_file.base import StopPolicy
-from contid.targets import Actuation, Target
+from contid.targets import Actuation, Solution, Target
 from contid.trajectory.approach import Approach
 from contid.trajectory.pursuit import MovingAxes
 from contid.trajectory.standstill import JerkLimitedStop
@@ -58,6 +58,21 @@ class GuardState:
     brakes: bool = False
 
 
+@record(frozen=True, slots=True)
+class Missed:
+    """The answer of the model to a target out of reach, which takes a search.
+
+    Attributes:
+        target_in_base: the target.
+        seed: the command from which the model was asked.
+        solution: what it answered.
+    """
+
+    target_in_base: Target
+    seed: Actuation
+    solution: Solution
+
+
 class OrderRefusedError(ContidError):
     """The state of the robot does not allow an order; the message lists what is allowed."""
 
@@ -93,6 +108,7 @@ class RobotState:
         shaped: what goes to the devices of a robot whose commands are shaped.
         was_armed: its devices were asked to be ready in this run, so that they may have power.
         path_paces: in this tick and in the two before (`contid.control.engine.watch.path_pace`).
+        missed: the target of the last tick and its answer, where that was out of reach; None otherwise.
     """
 
     mode: Mode = Mode.OFF
@@ -121,3 +137,4 @@ class RobotState:
     shaped: Shaped = NOT_SHAPED
     was_armed: bool = False
     path_paces: PathPaces = FULL_PACE
+    missed: Missed | None = None
