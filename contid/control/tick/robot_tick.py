@@ -19,20 +19,21 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.contact.squeeze import next_squeeze
 from contid.control.tick.contact.squeeze_way import Squeeze, SqueezeEnd, SqueezeReport
 from contid.control.tick.faults import Fault, of_device
+from contid.control.tick.follow.model_answer import answered
 from contid.control.tick.jerk_guard import Guarded, guarded
 from contid.control.tick.limits import ACCELERATION
 from contid.control.tick.next_command import next_command
 from contid.control.tick.play import led, next_lead
 from contid.control.tick.regulator_loops import next_loop_lead
 from contid.control.tick.shaping import next_shaped
-from contid.control.tick.state import Missed, RobotState
+from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Event, Mode
 from contid.control.tick.taut import lifted
 from contid.control.tick.tip_feedback import Measurement, corrected, kept, observed
 from contid.control.tick.transitions import apply_event, end_stop, fail, stay
 from contid.hal import Sample
 from contid.records import record
-from contid.targets import ZERO3, Actuation, Solution, Target, Vec3, are_numbers
+from contid.targets import ZERO3, Actuation, Solution, Target, Vec3
 from contid.trajectory.approach import Approach
 
 _WATCHED: Final = frozenset(Mode) - {Mode.OFF, Mode.CONNECTING, Mode.FAULT}
@@ -231,13 +232,8 @@ def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target
     in_base = config.frame.target_in_base(target)
     if config.feedback is not None:
         in_base = corrected(state.correction, in_base)
-    # The same question has the same answer: a row out of reach that stands is searched for once.
-    missed = state.missed
-    if missed is None or missed.seed != state.command or missed.target_in_base != in_base:
-        solution = _checked(config, config.model.inverse(in_base, state.command))
-        missed = None if solution.converged else Missed(in_base, state.command, solution)
-    else:
-        solution = missed.solution
+    answer = answered(config, state, in_base)
+    solution = answer.solution
     if not all(map(math.isfinite, solution.actuation)):
         message = f"the model answered {solution.actuation} to {in_base}"
         return _move(config, fail(config, state, Fault.NOT_A_NUMBER, message, now_s), now_s)
@@ -248,27 +244,8 @@ def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target
     if target_tip is None:
         asked = solution.actuation if in_base.arcs else in_base.actuation or command
         target_tip = tip if asked == command else config.model.forward(asked, in_base.load_n).tip_m
-    after = result.state if missed is None else replace(result.state, missed=missed)
+    after = result.state if solution.converged else replace(result.state, missed=answer)
     return TickResult(after, result.device, solution, math.dist(tip, target_tip), result.limits)
-
-
-def _checked(config: RobotConfig, answer: Solution) -> Solution:
-    """What a model answered, which may be anybody's.
-
-    Raises:
-        TypeError: it is no solution.
-        ValueError: it has another number of axes.
-    """
-    if not isinstance(answer, Solution):
-        raise TypeError(f"the model answered {answer!r}, not a solution")
-    if len(answer.actuation) != len(config.axes):
-        raise ValueError(f"the model answered {answer.actuation} for {len(config.axes)} axes")
-    numbers = (*answer.actuation, answer.residual_m, answer.iterations)
-    if not are_numbers(numbers):
-        raise TypeError(f"the model answered {answer}, and not all of it are numbers")
-    if not all(isinstance(name, str) for name in answer.limited_by):
-        raise TypeError(f"the model answered limited_by={answer.limited_by!r}, and not all of it are names")
-    return answer
 
 
 def _move(config: RobotConfig, state: RobotState, now_s: float, load_n: Vec3 = ZERO3) -> TickResult:
