@@ -131,3 +131,16 @@ def test_a_target_that_comes_back_within_reach_is_met() -> None:
     reached_m = run.config.model.forward(run.engine.robots.states[0].command).tip_m
     assert math.dist(reached_m, home_m) < 1e-6
     assert asked.follow <= 1
+
+
+def test_the_kernel_searches_unless_a_stationary_answer_is_beside_the_seed() -> None:
+    config = started("trirack2").config
+    tip_m = (0.02, 0.0, 0.06)  # beside the retracted arm
+    solve = getattr(config.model, "solver").solve  # noqa: B009 - of this model
+    searched = solve(tip_m, None, None, config.rest)
+    again = solve(tip_m, None, None, searched.lengths)
+    followed = solve(tip_m, None, None, searched.lengths, None, True)
+    assert followed.lengths == pytest.approx(again.lengths, abs=1e-9)
+    assert (followed.starts, again.starts > 1) == (1, True)
+    elsewhere = solve((0.8, 0.3, 1.2), None, None, config.rest).lengths
+    assert solve(tip_m, None, None, elsewhere, None, True).starts > 1
