@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.model import Bending, Compliant, Model, build_model_for_ticks
+from contid.kinematics.model import Bending, Compliant, Following, Model, build_model_for_ticks
 from contid.robot_file.robot import RobotDescription
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
 
@@ -42,6 +42,8 @@ class WithExtraAxes:
             own, bends = self._own, model.arcs
             self.arcs = lambda actuation, load_n=ZERO3: bends(actuation[:own], load_n)
             self.of_arcs = model.of_arcs
+        if isinstance(model, Following):
+            self.follows, self.follow = model.follows, self._follow
         self.compliance = None
         if isinstance(model, Compliant):
             own, complies = self._own, model.compliance
@@ -64,6 +66,17 @@ class WithExtraAxes:
             solution = Solution(own, 0.0, converged=True)
         else:
             solution = self._model.inverse(target, own)
+        return self._whole(target, solution, rest)
+
+    def _follow(self, target: Target, answer: Actuation) -> Solution:
+        """See `contid.kinematics.model.Following`."""
+        assert isinstance(self._model, Following)
+        if any(map(math.isnan, target.extra.values())):
+            return self.inverse(target, answer)
+        return self._whole(target, self._model.follow(target, answer[: self._own]), answer[self._own :])
+
+    def _whole(self, target: Target, solution: Solution, rest: Actuation) -> Solution:
+        """A solution of the model's own axes, followed by the extra axes; those at rest are given."""
         values: list[float] = []
         binding: list[str] = []
         for name, last, low, high in zip(

@@ -59,6 +59,17 @@ class Searching(Protocol):
 
 
 @runtime_checkable
+class Following(Protocol):
+    """A model that follows the nearest pose to tips out of reach, instead of searching for it each time."""
+
+    def follows(self, load_n: Vec3) -> bool:
+        """False where the way of the axes decides which pose is reached, as under a force on the tip [N]."""
+
+    def follow(self, target: Target, answer: Actuation) -> Solution:
+        """As `Model.inverse`, from the nearest pose to a target beside it, where no search is needed."""
+
+
+@runtime_checkable
 class Compliant(Protocol):
     """A model that bends under a force on its tip."""
 

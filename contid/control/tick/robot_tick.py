@@ -17,6 +17,7 @@ from contid.control.tick.arming import approach, next_arming
 from contid.control.tick.axis_motions import braking, braking_at_once, inwards
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault, of_device
+from contid.control.tick.follow.model_answer import answered
 from contid.control.tick.jerk_guard import Guarded, guarded
 from contid.control.tick.limits import ACCELERATION
 from contid.control.tick.next_command import next_command
@@ -31,7 +32,7 @@ from contid.control.tick.tip_feedback import Measurement, corrected, kept, obser
 from contid.control.tick.transitions import apply_event, end_stop, fail, stay
 from contid.hal import Sample
 from contid.records import record
-from contid.targets import ZERO3, Actuation, Solution, Target, Vec3, are_numbers
+from contid.targets import ZERO3, Actuation, Solution, Target, Vec3
 from contid.trajectory.approach import Approach
 
 _WATCHED: Final = frozenset(Mode) - {Mode.OFF, Mode.CONNECTING, Mode.FAULT}
@@ -231,7 +232,8 @@ def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target
     in_base = config.frame.target_in_base(target)
     if config.feedback is not None:
         in_base = corrected(state.correction, in_base)
-    solution = _checked(config, config.model.inverse(in_base, state.command))
+    answer = answered(config, state, in_base)
+    solution = answer.solution
     if not all(map(math.isfinite, solution.actuation)):
         message = f"the model answered {solution.actuation} to {in_base}"
         return _move(config, fail(config, state, Fault.NOT_A_NUMBER, message, now_s), now_s)
@@ -242,26 +244,8 @@ def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target
     if target_tip is None:
         asked = solution.actuation if in_base.arcs else in_base.actuation or command
         target_tip = tip if asked == command else config.model.forward(asked, in_base.load_n).tip_m
-    return TickResult(result.state, result.device, solution, math.dist(tip, target_tip), result.limits)
-
-
-def _checked(config: RobotConfig, answer: Solution) -> Solution:
-    """What a model answered, which may be anybody's.
-
-    Raises:
-        TypeError: it is no solution.
-        ValueError: it has another number of axes.
-    """
-    if not isinstance(answer, Solution):
-        raise TypeError(f"the model answered {answer!r}, not a solution")
-    if len(answer.actuation) != len(config.axes):
-        raise ValueError(f"the model answered {answer.actuation} for {len(config.axes)} axes")
-    numbers = (*answer.actuation, answer.residual_m, answer.iterations)
-    if not are_numbers(numbers):
-        raise TypeError(f"the model answered {answer}, and not all of it are numbers")
-    if not all(isinstance(name, str) for name in answer.limited_by):
-        raise TypeError(f"the model answered limited_by={answer.limited_by!r}, and not all of it are names")
-    return answer
+    after = result.state if solution.converged else replace(result.state, missed=answer)
+    return TickResult(after, result.device, solution, math.dist(tip, target_tip), result.limits)
 
 
 def _move(config: RobotConfig, state: RobotState, now_s: float, load_n: Vec3 = ZERO3) -> TickResult:

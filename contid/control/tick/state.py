@@ -15,7 +15,7 @@ from contid.errors import ContidError
 from contid.hal import Rest
 from contid.records import record
 from contid.robot_file.base import StopPolicy
-from contid.targets import Actuation, Target
+from contid.targets import Actuation, Solution, Target, Vec3
 from contid.trajectory.approach import Approach
 from contid.trajectory.pursuit import MovingAxes
 from contid.trajectory.standstill import JerkLimitedStop
@@ -58,6 +58,25 @@ class GuardState:
     brakes: bool = False
 
 
+@record(frozen=True, slots=True)
+class Answered:
+    """An answer of the model.
+
+    Attributes:
+        target_in_base: the target.
+        seed: from where the model was asked.
+        solution: what it answered.
+        joined_s: when the robot began to follow.
+        searched_m: tip of the target for which poses were searched for everywhere last, None without a tip.
+    """
+
+    target_in_base: Target
+    seed: Actuation
+    solution: Solution
+    joined_s: float
+    searched_m: Vec3 | None
+
+
 class OrderRefusedError(ContidError):
     """The state of the robot does not allow an order; the message lists what is allowed."""
 
@@ -93,6 +112,7 @@ class RobotState:
         shaped: what goes to the devices of a robot whose commands are shaped.
         was_armed: its devices were asked to be ready in this run, so that they may have power.
         path_paces: in this tick and in the two before (`contid.control.engine.watch.path_pace`).
+        missed: answer to the target of the last tick, where that was out of reach; None otherwise.
     """
 
     mode: Mode = Mode.OFF
@@ -121,3 +141,4 @@ class RobotState:
     shaped: Shaped = NOT_SHAPED
     was_armed: bool = False
     path_paces: PathPaces = FULL_PACE
+    missed: Answered | None = None

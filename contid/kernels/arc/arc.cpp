@@ -27,9 +27,9 @@ void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle 
 }
 
 nb::object solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed,
-                 nb::handle rotation) {
+                 nb::handle rotation, bool follows) {
   const auto bits = [](const std::uint64_t* binding) { return binding[0]; };
-  return contid::solve_row(self, tip, direction, mid, seed, rotation, bits);
+  return contid::solve_row(self, tip, direction, mid, seed, rotation, follows, bits);
 }
 
 // Solve a path, each point from the previous answer: for benchmarks of the kernel alone.
@@ -86,7 +86,7 @@ void contid::bind(nb::module_& module) {
       .def("differentiate", &contid::differentiate_row, nb::arg("lengths"), nb::arg("tip").noconvert(),
            nb::arg("spin").noconvert(), nb::arg("mid").noconvert())
       .def("solve", &solve, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(), nb::arg("seed"),
-           nb::arg("rotation") = nb::none())
+           nb::arg("rotation") = nb::none(), nb::arg("follows") = false)
       .def("forward_many", &forward_many, nb::arg("actuations"), nb::arg("out").noconvert(), nb::arg("threads"))
       .def("inverse_many", &inverse_many, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(),
            nb::arg("seeds"), nb::arg("chained"), nb::arg("out").noconvert(), nb::arg("threads"))

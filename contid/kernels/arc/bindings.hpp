@@ -61,7 +61,7 @@ inline nanobind::object forward_row(const SectionSolver& self, nanobind::handle 
 // `binding`: the limits that bind, from their bits to what Python gets.
 template <class Binding>
 nanobind::object solve_row(const SectionSolver& self, nanobind::handle tip, nanobind::handle direction,
-                           nanobind::handle mid, nanobind::handle seed, nanobind::handle rotation,
+                           nanobind::handle mid, nanobind::handle seed, nanobind::handle rotation, bool follows,
                            const Binding& binding) {
   double p[3], t[3], m[3], r[9], x[kMostVariables];
   read(tip, p, 3, "tip: three numbers");
@@ -73,7 +73,8 @@ nanobind::object solve_row(const SectionSolver& self, nanobind::handle tip, nano
   read(seed, x, self.size(), "seed: " CONTID_VARIABLES);
   Answer answer;
   self.chain->solve(
-      {p, direction.is_none() ? nullptr : t, mid.is_none() ? nullptr : m, rotation.is_none() ? nullptr : r}, x, answer);
+      {p, direction.is_none() ? nullptr : t, mid.is_none() ? nullptr : m, rotation.is_none() ? nullptr : r, follows}, x,
+      answer);
   static const Record record("contid.kernels.SectionSolution",
                              {"lengths", "residual_m", "converged", "binding", "iterations", "starts"});
   return record(tuple_of(answer.lengths, self.size()), answer.residual, answer.converged, binding(answer.binding),

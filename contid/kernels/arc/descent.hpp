@@ -21,7 +21,8 @@
 
 namespace contid::section_build {
 
-constexpr double kNoStep = 1e-9;  // [m]: the descent ends where a step that fails is no longer
+constexpr double kNoStep = 1e-9;      // [m]: the descent ends where a step that fails is no longer
+constexpr double kStationary = 1e-5;  // greatest slope of the error where it is stationary
 
 class Descent {
  public:
@@ -61,6 +62,16 @@ class Descent {
     if (error > tuning.tolerance) error = settle(feasible, tuning, here, lengths, goal, iterations, most);
     if (error <= tuning.tolerance) home(here, lengths, goal, error, iterations, avoid);
     return error;
+  }
+
+  // True where the error does not fall to first order inside the limits (the conditions of Karush, Kuhn and Tucker):
+  // the step against its gradient, held to them, vanishes.
+  bool stationary(const Task& here, const double* lengths) const {
+    double step[kMaxLengths], trial[kMaxLengths];
+    here.gradient(feasible.size(), step);
+    for (int i = 0; i < feasible.size(); ++i) step[i] = -step[i];
+    bounded_step({nullptr, false}, lengths, feasible, nullptr, 0, 0.0, step);
+    return moved(feasible, lengths, step, trial) <= kStationary * here.error;
   }
 
  private:

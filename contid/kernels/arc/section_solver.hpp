@@ -6,7 +6,8 @@
 // form comes first where there is one, then a descent (descent.hpp) from the seed. Where that does not meet the target,
 // further descents start from biarcs (for tip and direction) and from the postures of a fixed library of Halton points
 // whose task is nearest to the goal. The search stops at the first start that meets the target, where enough starts end
-// at the same error, or when all have been tried. solve() does not allocate.
+// at the same error, or when all have been tried. A goal out of reach that is followed has no search while the answer
+// next to the seed is stationary (Descent::stationary). solve() does not allocate.
 #pragma once
 
 #include <algorithm>
@@ -87,7 +88,9 @@ class SectionSolver final : public ChainSolver {
     out.starts = 1;
     std::memcpy(out.lengths, trial, sizeof trial);
     if (out.residual > tuning().tolerance) {
-      Search search(goal, limits(goal, begun, trial));
+      const SearchLimits few = limits(goal, begun, trial);
+      if (goal.follows && few.starts == tuning().agreeing && descent_.stationary(task, trial)) return finish(out);
+      Search search(goal, few);
       const bool biarcs = kColumns == 3 && feasible().sections.count == 2 && goal.direction && !goal.mid;
       if (!biarcs || !try_biarcs(search, out)) try_library(search, out);
       if (goal.rotation && out.residual > tuning().tolerance)

@@ -29,6 +29,7 @@ struct Goal {
   const double* direction;           // may be null
   const double* mid;                 // may be null
   const double* rotation = nullptr;  // of the tip frame, row-major; instead of a direction
+  bool follows = false;              // an answer out of reach that is stationary next to the seed ends the search
 };
 
 struct Answer {

@@ -38,7 +38,7 @@ nb::object solve(const SectionSolver& self, nb::handle tip, nb::handle direction
     for (int k = 64 * used - 1; k >= 0; --k) digits += binding[k / 64] >> k % 64 & 1 ? '1' : '0';
     return nb::steal<nb::int_>(PyLong_FromString(digits.c_str(), nullptr, 2));
   };
-  return contid::solve_row(self, tip, direction, mid, seed, rotation, bits);
+  return contid::solve_row(self, tip, direction, mid, seed, rotation, false, bits);
 }
 
 }  // namespace

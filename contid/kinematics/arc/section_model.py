@@ -137,11 +137,24 @@ class SectionModel:
         A redundant arm gets the answer closest to the middle of its ranges. A direction enters the residual
         times `Tuning.ell_m`, a fifth of the arm.
         """
+        return self._solved(target, seed)
+
+    def follows(self, load_n: Vec3) -> bool:
+        """See `contid.kinematics.model.Following`."""
+        return True
+
+    @any_target
+    def follow(self, target: Target, answer: Actuation) -> Solution:
+        """See `contid.kinematics.model.Following`."""
+        return self._solved(target, answer, follows=True)
+
+    def _solved(self, target: Target, seed: Actuation, follows: bool = False) -> Solution:
         if target.actuation is not None:
             return self._clamped(target.actuation)
         if target.tip_m is None:
             raise ValueError("an arm of sections takes a tip position or lengths")
-        found = self.solver.solve(target.tip_m, target.direction, target.mid_m, seed, target.rotation)
+        asked = (target.tip_m, target.direction, target.mid_m, seed, target.rotation)
+        found = self.solver.solve(*asked, follows)
         limits, left_m = self.feasible.named(found.binding), found.residual_m
         if found.converged:
             return Solution(found.lengths, left_m, True, limits, found.iterations)

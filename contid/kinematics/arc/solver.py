@@ -109,10 +109,12 @@ class Solver(Protocol):
         mid: Vec3 | None,
         seed: Actuation,
         rotation: tuple[float, ...] | None = None,
+        follows: bool = False,
     ) -> SectionSolution:
         """The best bounded lengths for a tip [m] and maybe its unit tangent, its frame or the mid-point [m].
 
-        Continuous from ``seed`` where the target allows it.
+        Continuous from ``seed`` where the target allows it. With ``follows`` a target out of reach is not
+        searched for where the error is stationary within `Tuning.tracking` of the seed.
         """
 
     def avoid(

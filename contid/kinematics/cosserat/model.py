@@ -195,6 +195,14 @@ class CosseratModel:
         note += ("; " if note else "") + why
         return Solution(actuation, residual_m, False, limited or (REACH,), answer.iterations, note)
 
+    def follows(self, load_n: Vec3) -> bool:
+        """See `contid.kinematics.model.Following`; an arm that carries something may snap."""
+        return not (self.setup.weight.weight or self.setup.weight.link_weight or any(load_n))
+
+    def follow(self, target: Target, answer: Actuation) -> Solution:
+        """See `contid.kinematics.model.Following`: an optimum beside the seed ends every search."""
+        return self.inverse(target, answer)
+
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Tip by pressures in equilibrium, shape (3, 3k) [m/Pa]."""
         pressures_bar = np.array(self.regulators.chambers(actuation))

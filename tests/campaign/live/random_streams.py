@@ -1,7 +1,8 @@
 """Random live streams: rows that jump, stop, restart, change their rate, go back, turn back, come in bursts.
 
-``python -m tests.campaign.live.random_streams [--streams N] [--seed S] [--robots A,B] [--minutes M]``: exit 1
-on a violation. Every stream begins with the robot at rest amid its reach and is a function of its number.
+``python -m tests.campaign.live.random_streams [--streams N] [--seed S] [--robots A,B] [--minutes M]
+[--away TIMES]``: exit 1 on a violation; tips some times as far away leave the reach. Every stream begins
+with the robot at rest amid its reach and is a function of its number.
 What follows it is the follower of live rows and the tick of the robot, as in the engine, in their own time;
 devices and buses are left out. Judged from the commands alone:
 
@@ -31,7 +32,7 @@ from contid.control.tick.supervisor import Mode
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.model import TendonModel
 from contid.robot_file.base import Quantity
-from contid.targets import Actuation, Target, Vec3
+from contid.targets import Actuation, Target, Vec3, vec3
 from contid.units import LIMIT_TOLERANCE_M
 from tests.control.engine.streamed import Row, Run
 
@@ -135,6 +136,14 @@ def rows_of(stage: Stage, number: int) -> list[Row]:
     return rows or [(0.0, stage.tip_m)]  # all were lost
 
 
+def away(stage: Stage, rows: list[Row], times: float) -> list[Row]:
+    """The rows with tips some times as far from where the robot stands."""
+    if times == 1.0:
+        return rows
+    at_m = np.array(stage.tip_m)
+    return [(time_s, vec3((at_m + times * (np.array(tip_m) - at_m)).tolist())) for time_s, tip_m in rows]
+
+
 def followed(stage: Stage, rows: list[Row]) -> tuple[list[Actuation], RobotState]:
     """The commands of every tick until the robot rests after the last row, and the state then."""
     config, state = stage.config, stage.state
@@ -231,12 +240,14 @@ def campaign(
     streams: int,
     seed: int,
     progress: Callable[[StreamTally], None] = lambda tally: None,
+    times: float = 1.0,
 ) -> StreamTally:
-    """Follow streams in turns of the robots."""
+    """Follow streams in turns of the robots, with tips some times as far from where these stand."""
     tally, stages = StreamTally(), {name: staged(name) for name in robots}
     for number in range(seed * 1_000_000, seed * 1_000_000 + streams):
         name = robots[number % len(robots)]
-        tally.add(name, number, violations(stages[name], rows_of(stages[name], number)))
+        stage = stages[name]
+        tally.add(name, number, violations(stage, away(stage, rows_of(stage, number), times)))
         progress(tally)
     return tally
 
@@ -249,6 +260,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--robots", default=",".join(ROBOTS))
     parser.add_argument("--minutes", type=float, default=math.inf)
+    parser.add_argument("--away", type=float, default=1.0)
     asked = parser.parse_args()
     ends_s, shown = time.monotonic() + 60.0 * asked.minutes, [time.monotonic()]
     newest = [StreamTally()]
@@ -263,7 +275,7 @@ def main() -> int:
             print(tally.table(), file=sys.stderr, flush=True)
 
     with suppress(KeyboardInterrupt):
-        campaign(tuple(asked.robots.split(",")), asked.streams, asked.seed, progress)
+        campaign(tuple(asked.robots.split(",")), asked.streams, asked.seed, progress, asked.away)
     print(newest[0].table())
     return 1 if newest[0].counts.total() else 0
 

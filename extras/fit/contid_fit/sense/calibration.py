@@ -60,8 +60,6 @@ class CompliantModel(Model, Compliant, Protocol):
     """A model that bends under a load."""
 
 
-#: Standard deviations below zero at which a mass is certainly negative.
-_SURE: Final = 3.0
 _LOOK_AT: Final = (
     "look at base (which way is down), the order of the axes, dimensions of the sections, the frame of the "
     "tracker and a forgotten load"
@@ -78,7 +76,6 @@ class Family:
         names: names of the parameters.
         units: unit of each; "" for a part of the whole.
         moduli: number of the parameters that are moduli, which come first; they creep.
-        least: below it a parameter stands for a negative modulus, moment or mass; () where none does.
     """
 
     build: Callable[[Array], CompliantModel]
@@ -86,7 +83,6 @@ class Family:
     names: tuple[str, ...]
     units: tuple[str, ...]
     moduli: int = 0
-    least: tuple[float, ...] = ()
 
 
 def rod_family(robot: Cosserat) -> Family:
@@ -112,11 +108,6 @@ def rod_family(robot: Cosserat) -> Family:
         tuple(f"s{i + 1}.{kind}" for kind, _ in kinds for i in range(count)),
         tuple(unit for _, unit in kinds for _ in range(count)),
         count,
-        (
-            *(-1.0,) * (2 * count),
-            *(-each.density_kg_m3 for each in sections),
-            *(-each.link_mass_g for each in sections),
-        ),
     )
 
 
@@ -282,10 +273,13 @@ def calibrate_without_load(
         if not np.all(np.abs(np.concatenate([correction, scales])) <= _LOST_SIGMA * sigma):
             break  # refused below; no model bends with such numbers
     _refuse_far(family, model, correction, scales, sigma)
-    covariance = _inverse(information)
-    _refuse_negative(family, scales, np.sqrt(np.diag(covariance)[3 * axes :]))
+    if axis_sigma >= axis_sigmas[-1]:
+        raise CalibrationError(
+            f"the tips differ by {_rms(errors) * 1e3:.3g} mm (root mean square) from every model of the arm, by "
+            f"{before_m * 1e3:.3g} mm from its file: what they measure is not what these axes move; {_LOOK_AT}"
+        )
     return LoadCalibration(
-        model, scales, middle, correction, covariance,
+        model, scales, middle, correction, _inverse(information),
         axis_sigma, (tip_sigma**2 - noise_m**2) ** 0.5, _rms(errors), before_m, poses, creep, family, varied,
     )  # fmt: skip
 
@@ -322,24 +316,6 @@ def _refuse_far(
             f"the arm differs from its file by more than its parameters explain: {', '.join(far)} standard "
             f"deviations from the file, at most {_MOST_SIGMA:g} are credible; {_LOOK_AT}"
         )
-
-
-def _refuse_negative(family: Family, parameters: Array, sigma: Array) -> None:
-    """A mass, modulus or moment below zero by more than its uncertainty stands for another error, too.
-
-    Raises:
-        CalibrationError: which.
-    """
-    negative = [
-        f"{name} is {least - value:.3g} {unit} below zero".replace("  ", " ")
-        for name, unit, value, most, least in zip(
-            family.names, family.units, parameters, parameters + _SURE * sigma, family.least or parameters,
-            strict=True,
-        )
-        if most < least
-    ]  # fmt: skip
-    if negative:
-        raise CalibrationError(f"no arm is like that: {', '.join(negative)}; {_LOOK_AT}")
 
 
 def _by_parameters(model: CompliantModel, varied: _Varied, corrected: Actuation, load_n: Vec3) -> Array:

@@ -116,6 +116,10 @@ class PhModel(SectionModel):
         self._after_m = sections.rigid_m[-1]
         self._tolerance_m = (robot.solver.tolerance_mm or DEFAULT_MM) / MM_PER_M
 
+    def follow(self, target: Target, answer: Actuation) -> Solution:
+        """See `contid.kinematics.model.Following`."""
+        return self.inverse(target, answer)
+
     @any_target
     def inverse(self, target: Target, seed: Actuation) -> Solution:
         """Approximate lengths inside every limit for a tip, or a tip and its direction.
