@@ -41,8 +41,8 @@ _GAIN: Final = 0.01
 _STEP: Final = 1e-3
 #: A number that ends farther off than this many of them has taken the place of something else.
 _MOST_SIGMA: Final = 4.0
-#: And so far off it is given up before the last round.
-_LOST_SIGMA: Final = 30.0
+#: And so far off it is given up before the last round: at 10, a modulus is 0.
+_LOST_SIGMA: Final = 9.0
 #: Of the moduli and moments of a rod; of densities and masses of links that are known, as part of them, and
 #: of those that are not: silicone and two links of the paper.
 _SCALE: Final = 0.1
@@ -275,8 +275,9 @@ def calibrate_without_load(
     _refuse_far(family, model, correction, scales, sigma)
     if axis_sigma >= axis_sigmas[-1]:
         raise CalibrationError(
-            f"the tips differ by {_rms(errors) * 1e3:.3g} mm (root mean square) from every model of the arm, by "
-            f"{before_m * 1e3:.3g} mm from its file: what they measure is not what these axes move; {_LOOK_AT}"
+            f"the tips differ by {_rms(errors) * 1e3:.3g} mm (root mean square) from every model of the arm, "
+            f"by {before_m * 1e3:.3g} mm from its file: what they measure is not what these axes move; "
+            f"{_LOOK_AT}"
         )
     return LoadCalibration(
         model, scales, middle, correction, _inverse(information),
