@@ -24,6 +24,7 @@ from contid_identify.recording import RobotRecording
 from contid_identify.ring_down import RingDown, decays_of, fit_ring_downs
 from contid_identify.tip_answer import LEAST_TIPS, TipAnswer, fit_tip
 from contid_identify.tip_motion import TipMotion
+from contid_identify.sections.fit import sections_of
 from contid_identify.tip_motion_fit import LoadedTrace, fit_tip_motion
 
 
@@ -173,11 +174,13 @@ def tip_motion(
         recordings: of it.
         loads_kg: payload of each; empty for none.
         source: origin of the numbers, for their file.
-        form: ``map``, or ``arcs`` of chambers, which predict patterns that were not recorded.
+        form: ``map``; ``bends`` of the sections of a tendon robot in front of the map; or ``arcs`` of
+            chambers, which predict patterns that were not recorded.
         azimuths_rad: of the chambers, see `arm_of`; empty for those of the file.
 
     Raises:
-        ContidError: too few tips, no axis moved, or arcs of a robot without chambers or with payloads.
+        ContidError: too few tips, no axis moved, bends of another robot than one of tendons, or arcs of a
+            robot without chambers or with payloads.
     """
     model = build_model(robot)
 
@@ -195,6 +198,10 @@ def tip_motion(
         if len(each.tip_at_s) >= LEAST_TIPS
     ]
 
+    if form == "bends":
+        if not isinstance(model, TendonModel):
+            raise ContidError(f"{name}: bends of sections are for `model: tendon`; use `--form map`")
+        return fit_tip_motion(name, robot.axis_names, traces, statics, source, sections_of(model))
     if form != "arcs":
         return fit_tip_motion(name, robot.axis_names, traces, statics, source)
     if not isinstance(robot, Cosserat) or any(loads):
