@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from contid_identify.chambers.filling import Filling
 from contid_identify.chambers.motion import NUMBERS, ChamberMotion
 from contid_identify.delay_lag import JudgedStage
 from contid_identify.estimate import CONFIDENCE, ErrorSize, Interval
-from contid_identify.stages import IdentifiedAxis, IdentifiedMotion
 from contid_identify.sections.bent import BentSections
+from contid_identify.stages import IdentifiedAxis, IdentifiedMotion
 from contid_identify.tip_motion import TipMotion
 
 _MS = 1e3

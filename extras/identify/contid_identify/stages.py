@@ -11,6 +11,7 @@ from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.kinematics.batch import forward_many
 from contid.kinematics.model import build_model
+from contid.kinematics.tendon.model import TendonModel
 from contid.robot_file.base import Quantity
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.robot import RobotDescription
@@ -22,9 +23,9 @@ from contid_identify.delay_lag import AxisAnswer, fit_axis
 from contid_identify.excitation import Excitation, excitation_of
 from contid_identify.recording import RobotRecording
 from contid_identify.ring_down import RingDown, decays_of, fit_ring_downs
+from contid_identify.sections.fit import sections_of
 from contid_identify.tip_answer import LEAST_TIPS, TipAnswer, fit_tip
 from contid_identify.tip_motion import TipMotion
-from contid_identify.sections.fit import sections_of
 from contid_identify.tip_motion_fit import LoadedTrace, fit_tip_motion
 
 

@@ -1,7 +1,7 @@
 """A tip in motion as numbers: what a robot does with its commands, for any commands and any payload.
 
     x_j(t) = command j, late by its dead time, behind a body of one mode of its own
-    tip(t) = bent(clip(x), s) + (w + s v) . monomials(clip(x)),   s = m / (1 + m / m0),   m: mass of the payload
+    tip(t) = bent(clip(x), s) + (w + s v) . monomials(clip(x)),   s = m / (1 + m / m0),   m: payload
 
 The swing is in the axes and the map behind it (Wiener). Monomials are clamped to the range of the recordings
 they were fitted to: outside the map stands still and nothing grows with a power of three. Arms of sections

@@ -176,7 +176,9 @@ def _bent_in(data: dict[str, Any], axes: int, inputs: int) -> BentSections | Non
     kept = data.get("bent")
     if not kept:
         return None
-    found = BentSections(**{each.name: np.array(kept[each.name], dtype=float) for each in fields(BentSections)})
+    found = BentSections(
+        **{each.name: np.array(kept[each.name], dtype=float) for each in fields(BentSections)}
+    )
     count = len(found.length_m)
     needed: dict[str, tuple[int, ...]] = {
         "length_m": (count,), "base_m": (3,), "frame": (3, 3), "axes_by_inputs": (axes, inputs),

@@ -362,7 +362,9 @@ class _Fit:
         """Rows as the fit of bends takes them."""
         inputs, low, high = self.inputs(parameters, rows), *self.range_of(parameters)
         effects = [np.full(len(x), s) for x, s in zip(inputs, self.effects(parameters), strict=True)]
-        blocks = [1000 * k + split.blocks[own] for k, (split, own) in enumerate(zip(self.splits, rows, strict=True))]
+        blocks = [
+            1000 * k + split.blocks[own] for k, (split, own) in enumerate(zip(self.splits, rows, strict=True))
+        ]
         return LoadedInputs(
             clamped(np.concatenate(inputs), low, high), np.concatenate(effects), self.measured(rows),
             np.concatenate(blocks),

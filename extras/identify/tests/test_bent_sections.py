@@ -21,7 +21,14 @@ from contid_identify.tip_motion_fit import LoadedTrace, fit_tip_motion
 PERIOD_S = 0.02
 LENGTHS = np.array([0.1, 0.12])
 #: Axes 1 and 2 bend the first section, 3 and 4 the second; tendons of the second pass the first.
-GAINS = np.array([[[0.5, 0.1], [-0.2, 0.0]], [[-0.1, 0.4], [0.0, -0.2]], [[0.0, 0.1], [0.7, 0.2]], [[0.1, 0.0], [-0.2, 0.8]]])
+GAINS = np.array(
+    [
+        [[0.5, 0.1], [-0.2, 0.0]],
+        [[-0.1, 0.4], [0.0, -0.2]],
+        [[0.0, 0.1], [0.7, 0.2]],
+        [[0.1, 0.0], [-0.2, 0.8]],
+    ]
+)
 CUBES = np.array([0.1, -0.1, 0.2, 0.0])
 BRACED = np.zeros((2, 2, 2))
 BRACED[0, 1, 0], BRACED[1, 1, 1], BRACED[1, 0, 1] = 0.5, 0.3, -0.2
@@ -37,7 +44,9 @@ def tips_by_steps(bends: Array) -> Array:
         cross[:, 0, 2], cross[:, 2, 0] = turn[:, 1], -turn[:, 1]
         cross[:, 1, 2], cross[:, 2, 1] = -turn[:, 0], turn[:, 0]
         half = np.eye(3) + 0.5 * np.sinc(0.5 * size / np.pi) * cross  # half a turn, to first order in it
-        step = np.eye(3) + np.sinc(size / np.pi) * cross + 0.5 * np.sinc(0.5 * size / np.pi) ** 2 * cross @ cross
+        step = (
+            np.eye(3) + np.sinc(size / np.pi) * cross + 0.5 * np.sinc(0.5 * size / np.pi) ** 2 * cross @ cross
+        )
         for _ in range(200):
             tip += length_m / 200 * (frame @ half)[:, :, 2]
             frame = frame @ step
@@ -90,7 +99,7 @@ def test_numbers_and_their_intervals() -> None:
             held += int((np.abs(value - truth) <= half).sum())
             total += truth.size
     print(f"{held} of {total} intervals hold")
-    assert 0.9 <= held / total, f"{held} of {total}"
+    assert held / total >= 0.9, f"{held} of {total}"
 
 
 def test_what_is_not_moved_stays_as_the_model_has_it() -> None:
@@ -153,11 +162,15 @@ def test_the_file_holds_bends(models: tuple[TipMotion, TipMotion], tmp_path: Pat
     for model in models:
         write_tip_motion(model, file)
         assert np.array_equal(
-            read_tip_motion(file).predict(sent, PERIOD_S, load_kg=0.1), model.predict(sent, PERIOD_S, load_kg=0.1)
+            read_tip_motion(file).predict(sent, PERIOD_S, load_kg=0.1),
+            model.predict(sent, PERIOD_S, load_kg=0.1),
         )
     write_tip_motion(models[0], file)
     text = file.read_text()
-    for bad, message in ((text.replace('"cubes": [', '"cubes": [0.5,'), "cubes"), (text.replace('"sag"', '"sags"'), "sag")):
+    for bad, message in (
+        (text.replace('"cubes": [', '"cubes": [0.5,'), "cubes"),
+        (text.replace('"sag"', '"sags"'), "sag"),
+    ):
         file.write_text(bad)
         with pytest.raises(ContidError, match=message):
             read_tip_motion(file)

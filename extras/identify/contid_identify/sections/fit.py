@@ -29,7 +29,8 @@ _CUBE: Final = 0.5
 _BRACED: Final = 2.0
 _SOFTER: Final = 0.5
 _SAG_RAD: Final = 0.1
-#: A deviation by that much weighs as many errors as count as one, of the size that is left: at first [m], least.
+#: A deviation by that much weighs as many errors as count as one, of the size that is left: at first and at
+#: least [m].
 _ALIKE: Final = 25.0
 _LEFT_M: Final = 5e-3
 _LEAST_M: Final = 5e-5
@@ -149,7 +150,7 @@ def _spread(start: BentSections, effect_kg: float) -> Array:
 def _slope(found: BentSections, data: LoadedInputs) -> tuple[Array, Array]:
     """Slope of tips by `_vector` ``(3 rows, numbers)`` and what they leave over ``(rows, 3)``."""
     y = data.inputs @ found.axes_by_inputs.T
-    rows, axes = y.shape
+    rows = len(y)
     count = len(found.length_m)
     free = found.free(y)
     size = sizes(free)
