@@ -171,9 +171,10 @@ def report() -> Iterator[str]:
     """The table."""
     runs = {name: read(name) for name in (*STEPS, "steps_mar_1", "long_a")}
     same, own = repeated(runs["steps_mar_1"])
-    yield f"the arm beside itself: second inflation of steps_mar_1 and first {same:.1f} mm, own zeros {own:.1f} mm"
+    yield f"second inflation of steps_mar_1 beside its first: {same:.1f} mm, own zeros {own:.1f} mm"
     ends = [runs[name].tip[round(at_s / PERIOD_S)] - runs[name].tip[:4].mean(axis=0) for name, at_s in _ENDS]
-    yield f"the same after 10 s of step_15_1 and of steps_mar_1: {np.linalg.norm(ends[1] - ends[0]):.1f} mm apart"
+    apart = np.linalg.norm(ends[1] - ends[0])
+    yield f"after 10 s of step_15_1 and of steps_mar_1, the same step: {apart:.1f} mm apart"
     every = slice(None)
     seven = dict.fromkeys(STEPS, every)
     part = {**seven, "long_a": slice(0, round(40.1 / PERIOD_S))}

@@ -14,9 +14,10 @@ repacked; 150 s of the same commands with 0, 100 and 300 g. The split, set befor
 * another day: none is given. In its place the commands of the last 27 % are changed: 180 ms later, gains of
   0.85 to 1.15, zeros by a tenth of the spread. 20 s of them recover the model, the rest judges.
 
-Bends of the sections begin with those of the motor angles of the fitted rows (`studies.moving.trunk_statics`),
-on contid's own tendon statics; the map without them begins with the same statics. Degree and penalty of `TipMotion` are chosen by folds inside the fitted rows; widths and penalties of
-the black boxes stand in `studies.moving.recordings`. No library with N4SID is among the dependencies.
+Bends of the sections begin with those of the motor angles of the fitted rows
+(`studies.moving.trunk_statics`), on contid's own tendon statics; the map without them begins with the same
+statics. Degree and penalty of the map are chosen by folds inside the fitted rows; widths and penalties of the
+black boxes stand in `studies.moving.recordings`. No library with N4SID is among the dependencies.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from contid_identify.answer import CommandedTrace
 from contid_identify.estimate import estimate
 from contid_identify.remembered import RememberedMotion, remember
 from contid_identify.sections.bent import ArmSections, BentSections
-from contid_identify.sections.fit import LoadedInputs, fit_bent, start_of, tips_of
+from contid_identify.sections.fit import LoadedInputs, fit_by_folds, start_of, tips_of
 from contid_identify.split import Mask, split_time
 from contid_identify.tip_answer import LEAST_TIPS
 from contid_identify.tip_motion import SwingHalves, TipMotion, clamped, features, swung
@@ -50,7 +50,6 @@ _ALIKE: Final = 25.0
 #: Rows of the search for dead times and swings, and of the map, at most.
 _SEARCH_ROWS: Final = 1500
 _MAP_ROWS: Final = 6000
-_BENT_ROWS: Final = 2000
 #: Penalties per row, of inputs that have a spread of a half.
 _PENALTIES: Final = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.3)
 _MIDDLE: Final = 3e-3
@@ -161,7 +160,7 @@ class _Fit:
         self.rows = self._rows(_MAP_ROWS)
         #: Bends of the sections, by all rows and by those without each fold.
         self.bent: BentSections | None = None
-        self.bent_without: list[BentSections] = []
+        self.bent_without: Sequence[BentSections] = ()
 
     def _rows(self, most: int) -> Rows:
         fitted = sum(int(each.fitted.sum()) for each in self.splits)
@@ -376,11 +375,7 @@ class _Fit:
         sent = np.concatenate([trace.sent for trace in self.traces])
         start = start_of(sections, self.back, self.centre, 2.0 * sent.std(axis=0))
         most = max(self.effects(parameters)) if self.loaded else 0.0
-        thin = np.arange(len(folds)) % max(len(folds) // _BENT_ROWS, 1) == 0
-        self.bent = fit_bent(start, data.picked(thin), most)
-        self.bent_without = [
-            fit_bent(start, data.picked(thin & (folds != fold)), most, halves=False) for fold in range(_FOLDS)
-        ]
+        self.bent, self.bent_without = fit_by_folds(start, data, folds, most)
 
     def chosen(self, parameters: Array) -> tuple[int, float]:
         """Degree and penalty that predict left-out fifths of the fitted blocks best."""

@@ -89,7 +89,7 @@ def test_numbers_and_their_intervals() -> None:
     held = total = 0
     for seed in range(8):
         data = data_of(seed)
-        found = fit_bent(start, data, 0.0)
+        found = fit_bent(start, data, 0.0, 10.0)
         assert np.abs(found.braced - BRACED).max() < 0.15
         assert np.sqrt(((tips_of(found, data) - data.tips) ** 2).sum(axis=1).mean()) < 1e-3
         for value, half, truth in (
@@ -107,7 +107,7 @@ def test_what_is_not_moved_stays_as_the_model_has_it() -> None:
     data = data_of(3)
     still = replace(data, inputs=data.inputs * [1.0, 1.0, 0.0, 0.0])
     still = replace(still, tips=plant(still.inputs))
-    found = fit_bent(start, still, 0.0)
+    found = fit_bent(start, still, 0.0, 10.0)
     assert np.allclose(found.gains[2:], start.gains[2:], atol=1e-9)
     assert np.isfinite(found.braced).all()
 
@@ -152,7 +152,7 @@ def test_other_commands_are_predicted_better_than_by_monomials(models: tuple[Tip
         tips = model.predict(other.sent, PERIOD_S, other.at_s, 0.1)
         off.append(float(np.sqrt(((tips - other.measured) ** 2).sum(axis=1)[50:].mean())))
     print(off)
-    assert off[0] < 0.5 * off[1]
+    assert off[0] < 0.7 * off[1]
     assert "bends of the sections" in next(iter(motion_lines(models[0])))
 
 

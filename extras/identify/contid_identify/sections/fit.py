@@ -6,9 +6,10 @@ free bends are known, so a step has the columns of a regression behind the slope
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,16 +20,20 @@ from contid_identify.estimate import half_intervals
 from contid_identify.sections.bent import ArmSections, BentSections, sizes
 
 _STEPS: Final = 8
+#: Rows that are fitted, at most twice as many.
+_ROWS: Final = 1500
 #: Step of the differences of tips [rad].
 _STEP_RAD: Final = 1e-5
 #: Expected of gains: a share of the greatest of the model. Of rests [rad], cubes, what braces [1/rad], what
 #: a payload softens and sags, per unit of its effect.
-_GAIN: Final = 0.5
-_REST_RAD: Final = 0.3
-_CUBE: Final = 0.5
-_BRACED: Final = 2.0
+_GAIN: Final = 0.05
+_REST_RAD: Final = 0.1
+_CUBE: Final = 0.1
+_BRACED: Final = 0.2
 _SOFTER: Final = 0.5
 _SAG_RAD: Final = 0.1
+#: How many times farther from the model numbers may be expected: which of them is shown by left-out folds.
+LOOSE: Final = (1.0, 3.0, 10.0)
 #: A deviation by that much weighs as many errors as count as one, of the size that is left: at first and at
 #: least [m].
 _ALIKE: Final = 25.0
@@ -86,17 +91,20 @@ def start_of(arm: ArmSections, back: Array, centre: Array, spread: Array) -> Ben
     )  # fmt: skip
 
 
-def fit_bent(start: BentSections, data: LoadedInputs, effect_kg: float, halves: bool = True) -> BentSections:
+def fit_bent(
+    start: BentSections, data: LoadedInputs, effect_kg: float, loose: float, halves: bool = True
+) -> BentSections:
     """The numbers that fit tips best, near those of a start where tips leave a choice.
 
     Args:
         start: as `start_of` has it.
         data: of the recordings.
         effect_kg: greatest effect of a payload in them; 0: what a payload does is not fitted.
+        loose: how many times farther from the start numbers are expected, one of `LOOSE`.
         halves: False leaves intervals out.
     """
     found = start
-    prior, spread, left_m = _vector(start), _spread(start, effect_kg), _LEFT_M
+    prior, spread, left_m = _vector(start), loose * _spread(start, effect_kg), _LEFT_M
     for _ in range(_STEPS):
         slope, left = _slope(found, data)
         weight = _ALIKE * (left_m / spread) ** 2
@@ -111,6 +119,37 @@ def fit_bent(start: BentSections, data: LoadedInputs, effect_kg: float, halves: 
     slope, left = _slope(found, data)
     half = _of(found, half_intervals(slope, left, data.blocks, weight, spread))
     return replace(found, cube_halves=half.cubes, braced_halves=half.braced)
+
+
+class FittedFolds(NamedTuple):
+    """Fits to all rows, and to those without each fold in turn."""
+
+    bent: BentSections
+    without: Sequence[BentSections]
+
+
+def fit_by_folds(
+    start: BentSections, data: LoadedInputs, folds: NDArray[np.intp], effect_kg: float
+) -> FittedFolds:
+    """The numbers that fit tips best, as far from the model as left-out folds are predicted best.
+
+    Args:
+        start: as `start_of` has it.
+        data: of the recordings; every few rows are fitted.
+        folds: number of the fold of each row, ``(rows,)``.
+        effect_kg: greatest effect of a payload in them.
+    """
+    thin = np.arange(len(folds)) % max(len(folds) // _ROWS, 1) == 0
+    data, folds = data.picked(thin), folds[thin]
+    best = (math.inf, LOOSE[0], list[BentSections]())
+    for loose in LOOSE:
+        without, off = [], 0.0
+        for fold in range(int(folds.max()) + 1):
+            without.append(fit_bent(start, data.picked(folds != fold), effect_kg, loose, halves=False))
+            left = data.tips - tips_of(without[-1], data)
+            off += float((left[folds == fold] ** 2).sum())
+        best = min(best, (off, loose, without), key=lambda each: each[0])
+    return FittedFolds(fit_bent(start, data, effect_kg, best[1]), best[2])
 
 
 def _vector(of: BentSections) -> Array:
