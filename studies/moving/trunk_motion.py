@@ -83,7 +83,7 @@ def sections_of(trunk: Trunk) -> ArmSections:
     rest = trunk.bends(np.zeros((1, 6)))[0]
     by_axes = (trunk.bends(np.eye(6)) - rest).T.reshape(3, 2, 6)
     frame = Rotation.from_rotvec(trunk.turn).as_matrix()
-    return ArmSections(trunk.length_m, by_axes, rest.reshape(3, 2), trunk.base_m, frame)
+    return ArmSections(trunk.length_m, np.zeros(3), by_axes, rest.reshape(3, 2), trunk.base_m, frame)
 
 
 def shown(name: str, errors: Sequence[AheadError]) -> Iterator[str]:

@@ -181,7 +181,8 @@ def _bent_in(data: dict[str, Any], axes: int, inputs: int) -> BentSections | Non
     )
     count = len(found.length_m)
     needed: dict[str, tuple[int, ...]] = {
-        "length_m": (count,), "base_m": (3,), "frame": (3, 3), "axes_by_inputs": (axes, inputs),
+        "length_m": (count,), "link_m": (count,), "base_m": (3,), "frame": (3, 3),
+        "axes_by_inputs": (axes, inputs),
         "gains": (axes, count, 2), "cubes": (axes,), "rest": (count, 2), "braced": (count, count, count),
         "softer": (count, count), "sag": (count, 2), "cube_halves": (axes,),
         "braced_halves": (count, count, count),

@@ -10,15 +10,20 @@ import pytest
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
+from contid.kinematics.model import build_model
+from contid.kinematics.tendon.model import TendonModel
+from contid.robot_file.load import load_robot_file
 from contid_identify.answer import CommandedTrace
 from contid_identify.printed import motion_lines
 from contid_identify.sections.bent import ArmSections
-from contid_identify.sections.fit import LoadedInputs, fit_bent, start_of, tips_of
+from contid_identify.sections.fit import LoadedInputs, fit_bent, sections_of, start_of, tips_of
+from contid_identify.stages import tip_motion
 from contid_identify.tip_motion import TipMotion
 from contid_identify.tip_motion_file import read_tip_motion, write_tip_motion
 from contid_identify.tip_motion_fit import LoadedTrace, fit_tip_motion
 
 PERIOD_S = 0.02
+CONFIGS = Path(__file__).parents[3] / "configs"
 LENGTHS = np.array([0.1, 0.12])
 #: Axes 1 and 2 bend the first section, 3 and 4 the second; tendons of the second pass the first.
 GAINS = np.array(
@@ -71,7 +76,7 @@ def arm(factor: float = 0.8) -> ArmSections:
     """What a robot file would have: gains that are too small, the turn of one section left out."""
     gains = factor * GAINS.transpose(1, 2, 0)
     gains[0, :, 2:], gains[1, :, :2] = 0.0, 0.0
-    return ArmSections(LENGTHS, gains, np.zeros((2, 2)), np.zeros(3), np.eye(3))
+    return ArmSections(LENGTHS, np.zeros(2), gains, np.zeros((2, 2)), np.zeros(3), np.eye(3))
 
 
 def data_of(seed: int, count: int = 900) -> LoadedInputs:
@@ -174,3 +179,22 @@ def test_the_file_holds_bends(models: tuple[TipMotion, TipMotion], tmp_path: Pat
         file.write_text(bad)
         with pytest.raises(ContidError, match=message):
             read_tip_motion(file)
+
+
+@pytest.mark.parametrize("name", ["tendon3", "trunk"])
+def test_arms_begin_as_their_robot_file_has_them(name: str) -> None:
+    (robot,) = load_robot_file(CONFIGS / f"{name}.yaml").file.robots.values()
+    model = build_model(robot)
+    assert isinstance(model, TendonModel)
+    lower, upper = np.array(model.lower), np.array(model.upper)
+    draw = np.random.default_rng(4).uniform(0.2, 0.4, (20, len(lower)))
+    sent = lower + draw * (upper - lower)
+    start = start_of(sections_of(model), np.eye(len(lower)), np.zeros(len(lower)), np.ones(len(lower)))
+    tips = start.tips(sent, 0.0)
+    assert tips == pytest.approx(np.array([model.forward(row).tip_m for row in sent]), abs=1e-9)
+
+
+def test_only_arms_of_tendons_have_such_bends() -> None:
+    (robot,) = load_robot_file(CONFIGS / "cbha.yaml").file.robots.values()
+    with pytest.raises(ContidError, match="model: tendon"):
+        tip_motion("cbha", robot, [], [], "", "bends")

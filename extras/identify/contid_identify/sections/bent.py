@@ -32,6 +32,7 @@ class ArmSections:
 
     Attributes:
         length_m: of the sections, from the base on, ``(sections,)``.
+        link_m: of the straight part behind each, ``(sections,)``; the last one ends at the tip.
         bends_by_axes: bends by commands ``(sections, 2, axes)`` [rad per m or Pa].
         rest: bends without commands ``(sections, 2)`` [rad].
         base_m: where the first section begins, ``(3,)``.
@@ -39,6 +40,7 @@ class ArmSections:
     """
 
     length_m: Array
+    link_m: Array
     bends_by_axes: Array
     rest: Array
     base_m: Array
@@ -50,7 +52,7 @@ class BentSections:
     """The map from inputs to tips.
 
     Attributes:
-        length_m, base_m, frame: see `ArmSections`.
+        length_m, link_m, base_m, frame: see `ArmSections`.
         axes_by_inputs: axes in spreads by inputs of the map, ``(axes, inputs)``.
         gains: bends by axes ``(axes, sections, 2)`` [rad].
         cubes: ``c``, ``(axes,)``.
@@ -62,6 +64,7 @@ class BentSections:
     """
 
     length_m: Array
+    link_m: Array
     base_m: Array
     frame: Array
     axes_by_inputs: Array
@@ -80,7 +83,7 @@ class BentSections:
 
     def free(self, y: Array) -> Array:
         """Bends ``(samples, sections, 2)`` [rad] of axes ``(samples, axes)`` as if sections were free."""
-        return np.einsum("na,akc->nkc", y, self.gains)
+        return np.asarray(np.einsum("na,akc->nkc", y, self.gains))
 
     def bends(self, inputs: Array, effect_kg: float) -> Array:
         """Bends ``(samples, sections, 2)`` [rad]."""
@@ -92,9 +95,8 @@ class BentSections:
 
     def placed(self, bends: Array) -> Array:
         """Tips ``(samples, 3)`` [m] of bends."""
-        links = np.zeros(len(self.length_m))
         lengths = np.broadcast_to(self.length_m, bends.shape[:2])
-        return np.asarray(self.base_m + chained(bends, lengths, links) @ self.frame.T)
+        return np.asarray(self.base_m + chained(bends, lengths, self.link_m) @ self.frame.T)
 
 
 def sizes(bends: Array) -> Array:

@@ -67,8 +67,10 @@ def sections_of(model: TendonModel) -> ArmSections:
     axes = len(model.axis_names)
     bends = np.column_stack([model.bends(row) for row in np.eye(axes)])
     lengths = np.array([each.length_m for each in model.geometry.sections])
+    # A tip aside of the axis is left to the map.
+    links = np.append(np.zeros(len(lengths) - 1), model.geometry.tip_offset_m[2])
     return ArmSections(
-        lengths, bends.reshape(-1, 2, axes), np.zeros((len(lengths), 2)),
+        lengths, links, bends.reshape(-1, 2, axes), np.zeros((len(lengths), 2)),
         np.array([0.0, 0.0, model.geometry.base_offset_m]), np.eye(3),
     )  # fmt: skip
 
@@ -85,7 +87,7 @@ def start_of(arm: ArmSections, back: Array, centre: Array, spread: Array) -> Ben
     count, axes = len(arm.length_m), len(centre)
     gains = (arm.bends_by_axes * spread).transpose(2, 0, 1)
     return BentSections(
-        arm.length_m, arm.base_m, arm.frame, back / spread[:, None], gains, np.zeros(axes),
+        arm.length_m, arm.link_m, arm.base_m, arm.frame, back / spread[:, None], gains, np.zeros(axes),
         arm.rest + arm.bends_by_axes @ centre, np.zeros((count, count, count)), np.zeros((count, count)),
         np.zeros((count, 2)), np.full(axes, np.inf), np.full((count, count, count), np.inf),
     )  # fmt: skip
