@@ -55,7 +55,7 @@ class LoadedInputs:
     inputs: Array
     effect_kg: Array
     tips: Array
-    blocks: NDArray[np.intp]
+    blocks: Array
 
     def picked(self, rows: NDArray[np.bool_]) -> LoadedInputs:
         """Some of the rows."""
