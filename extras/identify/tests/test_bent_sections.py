@@ -85,7 +85,7 @@ def data_of(seed: int, count: int = 900) -> LoadedInputs:
     y = np.array([np.convolve(column, np.hanning(40), "same") for column in draw.normal(size=(4, count))]).T
     y *= 0.5 / y.std(axis=0)
     noise = np.repeat(draw.normal(0.0, 0.5e-3, (count // 5, 3)), 5, axis=0)
-    return LoadedInputs(y, np.zeros(count), plant(y) + noise, np.arange(count) // 30)
+    return LoadedInputs(y, np.zeros(count), plant(y) + noise, np.arange(float(count)) // 30)
 
 
 def test_numbers_and_their_intervals() -> None:

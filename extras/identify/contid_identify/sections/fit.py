@@ -130,9 +130,7 @@ class FittedFolds(NamedTuple):
     without: Sequence[BentSections]
 
 
-def fit_by_folds(
-    start: BentSections, data: LoadedInputs, folds: NDArray[np.intp], effect_kg: float
-) -> FittedFolds:
+def fit_by_folds(start: BentSections, data: LoadedInputs, folds: Array, effect_kg: float) -> FittedFolds:
     """The numbers that fit tips best, as far from the model as left-out folds are predicted best.
 
     Args:
