@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -48,6 +48,8 @@ LAGS_S: Final = (0.0, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0, 1.4, 1.8, 2.4, 3.0, 4.0, 6.0
 STATES: Final = 8
 BLOCK_ROWS: Final = 12
 EVERY: Final = round(0.2 / PERIOD_S)
+#: Inflated for this long on two days [s].
+_ENDS: Final = (("step_15_1", 9.9), ("steps_mar_1", 9.9))
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,9 +148,36 @@ def rmse(run: PneumaticRun, tips: Array, own: slice) -> float:
     return float(np.sqrt(((run.tip - zeroed(run, tips)) ** 2).sum(axis=1)[own].mean()))
 
 
+class Apart(NamedTuple):
+    """RMSE of distances [mm], with the zero of the recording and with a zero of each part."""
+
+    same_zero: float
+    own_zeros: float
+
+
+def repeated(run: PneumaticRun) -> Apart:
+    """How far the second inflation of ``steps_mar_1`` is from the first one, over its 10 s."""
+    blown = run.sent[BEFORE:, 0] > 0.5
+    first, begin = (np.flatnonzero(np.diff(blown.astype(int), prepend=0) == 1)).tolist()
+    rows = round(9.9 / PERIOD_S)
+    apart = run.tip[begin : begin + rows] - run.tip[first : first + rows]
+    own = apart - (run.tip[begin - 1] - run.tip[:4].mean(axis=0))
+    return Apart(rms(apart), rms(own))
+
+
+def rms(apart: Array) -> float:
+    """Of distances, of differences ``(rows, 3)``."""
+    return float(np.sqrt((apart**2).sum(axis=1).mean()))
+
+
 def report() -> Iterator[str]:
     """The table."""
     runs = {name: read(name) for name in (*STEPS, "steps_mar_1", "long_a")}
+    same, own_zeros = repeated(runs["steps_mar_1"])
+    yield f"second inflation of steps_mar_1 beside its first: {same:.1f} mm, own zeros {own_zeros:.1f} mm"
+    moved = [runs[name].tip[round(at_s / PERIOD_S)] - runs[name].tip[:4].mean(axis=0) for name, at_s in _ENDS]
+    apart = float(np.linalg.norm(moved[1] - moved[0]))
+    yield f"after 10 s of step_15_1 and of steps_mar_1, the same step: {apart:.1f} mm apart"
     every = slice(None)
     seven = dict.fromkeys(STEPS, every)
     part = {**seven, "long_a": slice(0, round(40.1 / PERIOD_S))}

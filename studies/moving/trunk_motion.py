@@ -14,9 +14,10 @@ repacked; 150 s of the same commands with 0, 100 and 300 g. The split, set befor
 * another day: none is given. In its place the commands of the last 27 % are changed: 180 ms later, gains of
   0.85 to 1.15, zeros by a tenth of the spread. 20 s of them recover the model, the rest judges.
 
-Statics come from the motor angles of the fitted rows (`studies.moving.trunk_statics`), on contid's own tendon
-statics. Degree and penalty of `TipMotion` are chosen by folds inside the fitted rows; widths and penalties of
-the black boxes stand in `studies.moving.recordings`. No library with N4SID is among the dependencies.
+Bends of the sections begin with those of the motor angles of the fitted rows
+(`studies.moving.trunk_statics`), on contid's own tendon statics; the map without them begins with the same
+statics. Degree and penalty of the map are chosen by folds inside the fitted rows; widths and penalties of the
+black boxes stand in `studies.moving.recordings`. No library with N4SID is among the dependencies.
 """
 
 from __future__ import annotations
@@ -24,11 +25,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from contid.kinematics.array import Array
 from contid_identify.ahead import AHEAD_S, error_ahead, judged_ahead, predicted_tips
 from contid_identify.answer import CommandedTrace
 from contid_identify.moved_on import payload_of, recover
+from contid_identify.printed import motion_lines
+from contid_identify.sections.bent import ArmSections
 from contid_identify.tip_motion import AheadError, TipMotion
 from contid_identify.tip_motion_fit import LoadedTrace, Statics, fit_tip_motion
 from studies.moving.recordings import (
@@ -43,7 +47,7 @@ from studies.moving.recordings import (
     smooth,
     table,
 )
-from studies.moving.trunk_statics import fit_trunk, read
+from studies.moving.trunk_statics import Trunk, fit_trunk, read
 
 AXES = tuple(f"u{k}" for k in range(1, 7))
 FITTED, JUDGED = 0.7, 0.73
@@ -63,11 +67,23 @@ def trace(sent: Array, tip: Array, name: str) -> CommandedTrace:
     return CommandedTrace(PERIOD_S, sent, np.arange(float(len(tip))) * PERIOD_S, tip, name)
 
 
-def statics_of(grams: int, share: float) -> Statics:
-    """Tips at rest by the statics that the motor angles of a part of a recording give."""
+def trunk_of(grams: int, share: float) -> Trunk:
+    """The statics that the motor angles of a part of a recording give."""
     data = read(DATA / "moving" / "trunk-dynamic" / f"random_a_{grams}g.csv.gz")
-    trunk = fit_trunk(data[slice(0, int(share * len(data.angles)))])
+    return fit_trunk(data[slice(0, int(share * len(data.angles)))])
+
+
+def statics_of(trunk: Trunk) -> Statics:
+    """Tips at rest by statics."""
     return lambda commands: trunk.discs_m(commands)[:, 2]
+
+
+def sections_of(trunk: Trunk) -> ArmSections:
+    """Sections and their bends by statics."""
+    rest = trunk.bends(np.zeros((1, 6)))[0]
+    by_axes = (trunk.bends(np.eye(6)) - rest).T.reshape(3, 2, 6)
+    frame = Rotation.from_rotvec(trunk.turn).as_matrix()
+    return ArmSections(trunk.length_m, np.zeros(3), by_axes, rest.reshape(3, 2), trunk.base_m, frame)
 
 
 def shown(name: str, errors: Sequence[AheadError]) -> Iterator[str]:
@@ -89,13 +105,15 @@ def other_commands() -> Iterator[str]:
     count = len(tip)
     fitted, first = int(FITTED * count), int(JUDGED * count)
     yield f"other commands: {fitted} rows fitted, {count - first} predicted"
-    statics = statics_of(0, FITTED)
+    trunk = trunk_of(0, FITTED)
     good = without_jumps(tip)
-    for name, given in (("TipMotion", statics), ("no statics", None)):
+    for name, sections in (("bends", sections_of(trunk)), ("map", None)):
         model = fit_tip_motion(
-            "trunk", AXES, [LoadedTrace(trace(sent[:fitted], tip[:fitted], "0 g"))], given, ""
-        )
-        if given is not None:
+            "trunk", AXES, [LoadedTrace(trace(sent[:fitted], tip[:fitted], "0 g"))], statics_of(trunk), "",
+            sections,
+        )  # fmt: skip
+        if sections is not None:
+            yield from motion_lines(model)
             yield f"  degree {model.degree}, delays {np.round(1e3 * model.delay_s)} ms"
             yield f"  frequencies {np.round(model.frequency_hz, 2)} Hz"
             yield f"  ratios {np.round(model.ratio, 2)}"
@@ -121,7 +139,7 @@ def other_commands() -> Iterator[str]:
 def payload() -> tuple[TipMotion, list[str]]:
     """A mass between those of the fit: given, and found."""
     traces = [LoadedTrace(trace(*recording(grams), f"{grams} g"), 1e-3 * grams) for grams in (0, 300)]
-    model = fit_tip_motion("trunk", AXES, traces, statics_of(0, 1.0), "")
+    model = fit_tip_motion("trunk", AXES, traces, None, "", sections_of(trunk_of(0, 1.0)))
     sent, tip = recording(100)
     whole = trace(sent, tip, "100 g")
     tips = predicted_tips(model, sent, PERIOD_S, whole.at_s, whole.measured, 0.1)
@@ -142,7 +160,7 @@ def payload() -> tuple[TipMotion, list[str]]:
         sent, tip = recording(grams)
         fitted = int(FITTED * len(tip))
         traces.append(LoadedTrace(trace(sent[:fitted], tip[:fitted], f"{grams} g"), 1e-3 * grams))
-    other = fit_tip_motion("trunk", AXES, traces, statics_of(0, FITTED), "")
+    other = fit_tip_motion("trunk", AXES, traces, None, "", sections_of(trunk_of(0, FITTED)))
     out.append(f"payload: three fitted, other commands; less per kg {other.less_per_kg:.2f}")
     for grams in (100, 300):
         sent, tip = recording(grams)

@@ -37,8 +37,9 @@ from contid_identify.robot_option import MAP, ROBOT, azimuths_of, chosen_robot, 
 )
 @click.option(
     "--form",
-    type=click.Choice(["map", "arcs"]),
-    help="Of --motion; arcs of chambers predict patterns that were not recorded. Default: map.",
+    type=click.Choice(["map", "bends", "arcs"]),
+    help="Of --motion: bends of the sections of a tendon robot in front of the map; arcs of chambers, which "
+    "predict patterns that were not recorded. Default: map.",
 )
 @click.option(
     "--azimuths-deg",

@@ -106,6 +106,36 @@ def estimate(
     return Estimate(found.x, _covariance(found.jac, left, blocks), quantile, left)
 
 
+def half_intervals(jacobian: Array, residual: Array, blocks: Array, weight: Array, spread: Array) -> Array:
+    """Half of the 95 % interval of each parameter of a fit towards a prior, by its blocks.
+
+    Args:
+        jacobian: of the prediction, ``(samples * columns, parameters)``.
+        residual: what is left, ``(samples, columns)``.
+        blocks: number of the block of time of each sample.
+        weight: of the squared deviations from the prior, ``(parameters,)``.
+        spread: how far from the prior parameters are expected, ``(parameters,)``.
+
+    Returns:
+        Shape ``(parameters,)``; a prior that is wrong by its spread is part of it.
+    """
+    from scipy.stats import t as student
+
+    names = np.unique(blocks)
+    if len(names) < 2:
+        return np.full(jacobian.shape[1], np.inf)
+    normal = jacobian.T @ jacobian + np.diag(weight)
+    of_row, left = np.repeat(blocks, residual.shape[1]), residual.ravel()
+    variance = np.zeros(len(weight))
+    for name in names:
+        own = jacobian[of_row == name]
+        variance += np.linalg.solve(normal - own.T @ own, own.T @ left[of_row == name]) ** 2
+    variance *= (len(names) - 1.0) / len(names)
+    variance += ((np.linalg.inv(normal) * (weight * spread)) ** 2).sum(axis=1)
+    quantile = float(student.ppf(0.5 + 0.5 * CONFIDENCE, len(names) - 1.0))
+    return np.asarray(quantile * np.sqrt(variance))
+
+
 def _effective_blocks(jacobian: Array, columns: int, blocks: Array) -> float:
     """How many blocks of equal information would be as good as these; at most all of them."""
     size = np.sqrt((jacobian**2).sum(axis=0))

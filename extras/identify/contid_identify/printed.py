@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from contid_identify.chambers.filling import Filling
 from contid_identify.chambers.motion import NUMBERS, ChamberMotion
 from contid_identify.delay_lag import JudgedStage
 from contid_identify.estimate import CONFIDENCE, ErrorSize, Interval
+from contid_identify.sections.bent import BentSections
 from contid_identify.stages import IdentifiedAxis, IdentifiedMotion
 from contid_identify.tip_motion import TipMotion
 
@@ -106,7 +109,8 @@ def _chambers(model: ChamberMotion) -> Iterator[str]:
 
 
 def _swings(model: TipMotion) -> Iterator[str]:
-    yield f"tip in motion: monomials of degree {model.degree} behind the swing of each axis"
+    bent = "" if model.bent is None else "bends of the sections and "
+    yield f"tip in motion: {bent}monomials of degree {model.degree} behind the swing of each axis"
     for axis, delay_s, hz, ratio in zip(
         model.axes, model.delay_s, model.frequency_hz, model.ratio, strict=True
     ):
@@ -119,6 +123,20 @@ def _swings(model: TipMotion) -> Iterator[str]:
         )
     else:
         yield "  all together: these recordings do not fix delay, frequency and damping ratio"
+    if model.bent is not None:
+        yield from _braced(model.bent)
+
+
+def _braced(bent: BentSections) -> Iterator[str]:
+    """What sections brace of one another, where it is known."""
+    known = np.argwhere(np.abs(bent.braced) > bent.braced_halves).tolist()
+    for i, j, k in known:
+        yield (
+            f"  section {i + 1} bends by {bent.braced[i, j, k]:+.2f} +- {bent.braced_halves[i, j, k]:.2f} of "
+            f"what section {k + 1} would if free less per rad of section {j + 1}"
+        )
+    if not known:
+        yield "  bracing: these recordings do not show that bent sections brace others"
 
 
 def numbers(found: IdentifiedMotion) -> dict[str, object]:

@@ -11,6 +11,7 @@ from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.kinematics.batch import forward_many
 from contid.kinematics.model import build_model
+from contid.kinematics.tendon.model import TendonModel
 from contid.robot_file.base import Quantity
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.robot import RobotDescription
@@ -22,6 +23,7 @@ from contid_identify.delay_lag import AxisAnswer, fit_axis
 from contid_identify.excitation import Excitation, excitation_of
 from contid_identify.recording import RobotRecording
 from contid_identify.ring_down import RingDown, decays_of, fit_ring_downs
+from contid_identify.sections.fit import sections_of
 from contid_identify.tip_answer import LEAST_TIPS, TipAnswer, fit_tip
 from contid_identify.tip_motion import TipMotion
 from contid_identify.tip_motion_fit import LoadedTrace, fit_tip_motion
@@ -173,11 +175,13 @@ def tip_motion(
         recordings: of it.
         loads_kg: payload of each; empty for none.
         source: origin of the numbers, for their file.
-        form: ``map``, or ``arcs`` of chambers, which predict patterns that were not recorded.
+        form: ``map``; ``bends`` of the sections of a tendon robot in front of the map; or ``arcs`` of
+            chambers, which predict patterns that were not recorded.
         azimuths_rad: of the chambers, see `arm_of`; empty for those of the file.
 
     Raises:
-        ContidError: too few tips, no axis moved, or arcs of a robot without chambers or with payloads.
+        ContidError: too few tips, no axis moved, bends of another robot than one of tendons, or arcs of a
+            robot without chambers or with payloads.
     """
     model = build_model(robot)
 
@@ -195,6 +199,10 @@ def tip_motion(
         if len(each.tip_at_s) >= LEAST_TIPS
     ]
 
+    if form == "bends":
+        if not isinstance(model, TendonModel):
+            raise ContidError(f"{name}: bends of sections are for `model: tendon`; use `--form map`")
+        return fit_tip_motion(name, robot.axis_names, traces, statics, source, sections_of(model))
     if form != "arcs":
         return fit_tip_motion(name, robot.axis_names, traces, statics, source)
     if not isinstance(robot, Cosserat) or any(loads):

@@ -1,10 +1,11 @@
 """A tip in motion as numbers: what a robot does with its commands, for any commands and any payload.
 
     x_j(t) = command j, late by its dead time, behind a body of one mode of its own
-    tip(t) = (w + s v) . monomials(clip(x)),   s = m / (1 + m / m0),   m: mass of the payload
+    tip(t) = bent(clip(x), s) + (w + s v) . monomials(clip(x)),   s = m / (1 + m / m0),   m: payload
 
 The swing is in the axes and the map behind it (Wiener). Monomials are clamped to the range of the recordings
-they were fitted to: outside the map stands still and nothing grows with a power of three. Fitted by
+they were fitted to: outside the map stands still and nothing grows with a power of three. Arms of sections
+may have their bends in front of the monomials (`contid_identify.sections.bent`). Fitted by
 `contid_identify.tip_motion_fit`.
 """
 
@@ -19,6 +20,7 @@ import numpy as np
 from contid.kinematics.array import Array
 from contid_identify.answer import checked_commands, smoothly_between
 from contid_identify.remembered import RememberedMotion
+from contid_identify.sections.bent import BentSections
 from contid_identify.tip_answer import monomials, swing
 
 #: Inputs are clamped this share of their range beyond it.
@@ -129,6 +131,7 @@ class TipMotion:
         source: recordings and date.
         halves: how sure dead times, frequencies and ratios are.
         remembered: what is added to the map where commands of the recordings come again, or None.
+        bent: bends of the sections, which the monomials correct; None: the monomials are all.
     """
 
     robot: str
@@ -152,6 +155,7 @@ class TipMotion:
     halves: SwingHalves = _NOT_FIXED
     remembered: RememberedMotion | None = None
     memory_step_s: float = OLD_STEP_S
+    bent: BentSections | None = None
 
     def predict(self, sent: Array, period_s: float, at_s: Array | None = None, load_kg: float = 0.0) -> Array:
         """Tips ``(samples, 3)`` [m] in the base frame, from commands alone; the robot rests before.
@@ -188,10 +192,12 @@ class TipMotion:
 
     def tips(self, inputs: Array, load_kg: float) -> Array:
         """Tips ``(samples, 3)`` [m] of inputs of the map."""
-        return np.asarray(
-            features(inputs, self.low, self.high, self.degree)
-            @ (self.weights + self.effect_kg(load_kg) * self.load_weights)
-        )
+        effect_kg = self.effect_kg(load_kg)
+        weights = self.weights + effect_kg * self.load_weights
+        tips = np.asarray(features(inputs, self.low, self.high, self.degree) @ weights)
+        if self.bent is not None:
+            tips += self.bent.tips(clamped(inputs, self.low, self.high), effect_kg)
+        return tips
 
     def effect_kg(self, load_kg: float) -> float:
         """``s`` of a payload."""
@@ -213,11 +219,16 @@ class TipMotion:
         return self.errors[-1]
 
 
+def clamped(inputs: Array, low: Array, high: Array) -> Array:
+    """Inputs ``(samples, inputs)`` within a range and a little beyond."""
+    beyond = _BEYOND * (high - low)
+    return np.clip(inputs, low - beyond, high + beyond)
+
+
 def features(inputs: Array, low: Array, high: Array, degree: int) -> Array:
     """A constant and monomials of inputs clamped to a range, ``(samples, monomials)``."""
-    beyond = _BEYOND * (high - low)
-    clamped = np.clip(inputs, low - beyond, high + beyond)
-    return np.column_stack([np.ones(len(clamped)), monomials(clamped, degree)])
+    within = clamped(inputs, low, high)
+    return np.column_stack([np.ones(len(within)), monomials(within, degree)])
 
 
 def swung(

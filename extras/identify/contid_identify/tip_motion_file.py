@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,6 +14,7 @@ from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.whole_file import replacing
 from contid_identify.remembered import RememberedMotion
+from contid_identify.sections.bent import BentSections
 from contid_identify.tip_motion import (
     AGES,
     OLD_STEP_S,
@@ -46,6 +47,8 @@ def write_tip_motion(model: TipMotion, path: Path) -> None:
     }
     for name in (*_VECTORS, *_MATRICES):
         data[name] = getattr(model, name).tolist()
+    if model.bent is not None:
+        data["bent"] = {each.name: getattr(model.bent, each.name).tolist() for each in fields(BentSections)}
     write_numbers(data, path)
 
 
@@ -156,12 +159,40 @@ def tip_motion_of(data: dict[str, Any], path: str | Path) -> TipMotion:
             less_per_kg=float(data["less_per_kg"]),
             loads_kg=(low_kg, high_kg), errors=errors_of(data), source=str(data["source"]), halves=halves,
             remembered=remembered_in(data, AGES * len(matrices["turns"])), memory_step_s=step_in(data),
-            **vectors, **matrices,
+            bent=_bent_in(data, len(axes), len(matrices["turns"])), **vectors, **matrices,
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as error:
         raise ContidError(f"{path}: {error!r} where a number or a key should be; {_REMEDY}") from None
     _check(model, path)
     return model
+
+
+def _bent_in(data: dict[str, Any], axes: int, inputs: int) -> BentSections | None:
+    """The bends of sections in a file.
+
+    Raises:
+        ValueError: numbers of another shape, or not finite.
+    """
+    kept = data.get("bent")
+    if not kept:
+        return None
+    found = BentSections(
+        **{each.name: np.array(kept[each.name], dtype=float) for each in fields(BentSections)}
+    )
+    count = len(found.length_m)
+    needed: dict[str, tuple[int, ...]] = {
+        "length_m": (count,), "link_m": (count,), "base_m": (3,), "frame": (3, 3),
+        "axes_by_inputs": (axes, inputs),
+        "gains": (axes, count, 2), "cubes": (axes,), "rest": (count, 2), "braced": (count, count, count),
+        "softer": (count, count), "sag": (count, 2), "cube_halves": (axes,),
+        "braced_halves": (count, count, count),
+    }  # fmt: skip
+    for name, shape in needed.items():
+        values: Array = getattr(found, name)
+        # Only an interval may be unknown, which is infinite.
+        if values.shape != shape or not (np.isfinite(values).all() or "halves" in name):
+            raise ValueError(f"bent.{name} has shape {values.shape} or numbers that are not finite")
+    return found
 
 
 def _check(model: TipMotion, path: str | Path) -> None:

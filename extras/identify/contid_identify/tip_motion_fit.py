@@ -21,9 +21,11 @@ from contid_identify.ahead import PredictedTips, judged_ahead, memory_of, predic
 from contid_identify.answer import CommandedTrace
 from contid_identify.estimate import estimate
 from contid_identify.remembered import RememberedMotion, remember
+from contid_identify.sections.bent import ArmSections, BentSections
+from contid_identify.sections.fit import LoadedInputs, fit_by_folds, start_of, tips_of
 from contid_identify.split import Mask, split_time
 from contid_identify.tip_answer import LEAST_TIPS
-from contid_identify.tip_motion import SwingHalves, TipMotion, features, swung
+from contid_identify.tip_motion import SwingHalves, TipMotion, clamped, features, swung
 
 #: Tips ``(rows, 3)`` [m] of commands ``(rows, axes)`` at rest, by a model; None where it has none.
 Statics: TypeAlias = Callable[[Array], Array]
@@ -69,9 +71,18 @@ class LoadedTrace:
 
 
 def fit_tip_motion(
-    robot: str, axes: Sequence[str], traces: Sequence[LoadedTrace], statics: Statics | None, source: str
-) -> TipMotion:
+    robot: str, axes: Sequence[str], traces: Sequence[LoadedTrace], statics: Statics | None, source: str,
+    sections: ArmSections | None = None,
+) -> TipMotion:  # fmt: skip
     """The tip in motion from recordings.
+
+    Args:
+        robot: its name.
+        axes: names of its axes.
+        traces: commands and tips.
+        statics: tips at rest, towards which monomials are fitted; not used with sections.
+        source: recordings and date.
+        sections: of an arm whose bends are to be fitted first; the monomials correct them.
 
     Raises:
         ContidError: too few tips, no axis moved, or nothing is kept out.
@@ -79,31 +90,40 @@ def fit_tip_motion(
     count = sum(len(each.trace.at_s) for each in traces)
     if count < LEAST_TIPS:
         raise ContidError(f"{count} measured tips; at least {LEAST_TIPS} are needed: record with a tracker")
-    fit = _Fit(traces, statics)
+    fit = _Fit(traces, None if sections is not None else statics)
     shared = fit.searched()
     own = fit.refined(shared)
     degree, penalty = fit.chosen(own)
     own, halves = fit.settled(own, degree, penalty)
-    delay_s, log_hz, log_ratio = fit.of_axes(own)
-    low, high = fit.range_of(own)
-    weights, load_weights = fit.map_of(own, degree, penalty)
-    loads = [each.load_kg for each in traces]
-    found = TipMotion(
-        robot, tuple(axes), delay_s, np.exp(log_hz), np.exp(log_ratio), fit.softer(own), fit.less(own),
-        fit.centre, fit.turns, low, high, degree, weights, load_weights, (min(loads), max(loads)),
-        np.zeros(1), (), source, halves,
-    )  # fmt: skip
+    if sections is not None:
+        fit.bend(own, sections)
+        degree, penalty = fit.chosen(own)
+    names, loads = tuple(axes), [each.load_kg for each in traces]
+
+    def numbers() -> TipMotion:
+        delay_s, log_hz, log_ratio = fit.of_axes(own)
+        weights, load_weights = fit.map_of(own, degree, penalty)
+        found = TipMotion(
+            robot, names, delay_s, np.exp(log_hz), np.exp(log_ratio), fit.softer(own), fit.less(own),
+            fit.centre, fit.turns, *fit.range_of(own), degree, weights, load_weights,
+            (min(loads), max(loads)), np.zeros(1), (), source, halves, bent=fit.bent,
+        )  # fmt: skip
+        return replace(found, remembered=fit.remembered(found))
+
     step_s = step_of([each.trace.at_s for each in traces])
-    left = fit.left_out(own, degree, penalty, step_s)
-    found = replace(
-        found, memory=memory_of(left, step_s), memory_step_s=step_s, remembered=fit.remembered(found)
-    )
+    memory = memory_of(fit.left_out(own, degree, penalty, step_s), step_s)
+    found = replace(numbers(), memory=memory, memory_step_s=step_s)
     kept: list[tuple[PredictedTips, Mask]] = []
     for each in traces:
         trace = each.trace
         tips = predicted_tips(found, trace.sent, trace.period_s, trace.at_s, trace.measured, each.load_kg)
         kept.append((tips, tips.inside & split_time(trace.at_s).kept_out_at(tips.at_s)))
-    return replace(found, errors=judged_ahead(found, kept))
+    errors = judged_ahead(found, kept)
+    # What judged is no longer kept out of the map: it is as good as the rest.
+    fit.take_all()
+    if sections is not None:
+        fit.bend(own, sections)
+    return replace(numbers(), memory=memory, memory_step_s=step_s, errors=errors)
 
 
 class _Settled(NamedTuple):
@@ -138,11 +158,19 @@ class _Fit:
         self.splits = [split_time(each.at_s) for each in self.traces]
         self.search = self._rows(_SEARCH_ROWS)
         self.rows = self._rows(_MAP_ROWS)
+        #: Bends of the sections, by all rows and by those without each fold.
+        self.bent: BentSections | None = None
+        self.bent_without: Sequence[BentSections] = ()
 
     def _rows(self, most: int) -> Rows:
         fitted = sum(int(each.fitted.sum()) for each in self.splits)
         thin = max(fitted // most, 1)
         return [np.flatnonzero(each.fitted)[::thin] for each in self.splits]
+
+    def take_all(self) -> None:
+        """From now on the map is fitted to the blocks too that were kept out."""
+        thin = max(sum(len(each.blocks) for each in self.splits) // _MAP_ROWS, 1)
+        self.rows = [np.arange(len(each.blocks))[::thin] for each in self.splits]
 
     def of_axes(self, parameters: Array) -> tuple[Array, Array, Array]:
         """Dead times, logarithms of frequencies and of ratios, ``(axes,)`` each."""
@@ -316,16 +344,38 @@ class _Fit:
         x, tips, folds = self.columns(parameters, self.rows, degree), self.measured(self.rows), self._fold()
         prior = self.prior(parameters, degree)
         out = [np.zeros_like(tips) for _ in penalties]
-        normal, right = x.T @ x, x.T @ tips
+        data = self.data(parameters, self.rows) if self.bent_without else None
+        normal = x.T @ x
         for fold in range(_FOLDS):
             own = folds == fold
             if own.all() or not own.any():
                 continue
-            part, values = x[own], tips[own]
-            others = normal - part.T @ part, right - part.T @ values, int((~own).sum())
+            left = tips if data is None else tips - tips_of(self.bent_without[fold], data)
+            part, values = x[own], left[own]
+            others = normal - part.T @ part, x[~own].T @ left[~own], int((~own).sum())
             for errors, penalty in zip(out, penalties, strict=True):
                 errors[own] = values - part @ self.solved(*others, penalty, prior)
         return out
+
+    def data(self, parameters: Array, rows: Rows) -> LoadedInputs:
+        """Rows as the fit of bends takes them."""
+        inputs, low, high = self.inputs(parameters, rows), *self.range_of(parameters)
+        effects = [np.full(len(x), s) for x, s in zip(inputs, self.effects(parameters), strict=True)]
+        blocks = [
+            1000 * k + split.blocks[own] for k, (split, own) in enumerate(zip(self.splits, rows, strict=True))
+        ]
+        return LoadedInputs(
+            clamped(np.concatenate(inputs), low, high), np.concatenate(effects), self.measured(rows),
+            np.concatenate(blocks),
+        )  # fmt: skip
+
+    def bend(self, parameters: Array, sections: ArmSections) -> None:
+        """Fit the bends of the sections, by all rows and without each fold."""
+        data, folds = self.data(parameters, self.rows), self._fold()
+        sent = np.concatenate([trace.sent for trace in self.traces])
+        start = start_of(sections, self.back, self.centre, 2.0 * sent.std(axis=0))
+        most = max(self.effects(parameters)) if self.loaded else 0.0
+        self.bent, self.bent_without = fit_by_folds(start, data, folds, most)
 
     def chosen(self, parameters: Array) -> tuple[int, float]:
         """Degree and penalty that predict left-out fifths of the fitted blocks best."""
@@ -363,6 +413,8 @@ class _Fit:
     def map_of(self, parameters: Array, degree: int, penalty: float) -> tuple[Array, Array]:
         """Weights ``(monomials, 3)`` without load, and per mass of it [m/kg]."""
         x, tips = self.columns(parameters, self.rows, degree), self.measured(self.rows)
+        if self.bent is not None:
+            tips = tips - tips_of(self.bent, self.data(parameters, self.rows))
         weights = self.solved(x.T @ x, x.T @ tips, len(x), penalty, self.prior(parameters, degree))
         if not self.loaded:
             return weights, np.zeros_like(weights)

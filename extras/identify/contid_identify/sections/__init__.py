@@ -1,0 +1,1 @@
+"""Arms of sections in motion: bends that stiffen one another, and their fit to tips."""
