@@ -14,6 +14,7 @@ import logging
 import time
 from collections import ChainMap
 from collections.abc import Mapping
+from functools import partial
 from typing import Final, NamedTuple
 
 from contid.control.engine.events.robots import OrderRefused
@@ -21,6 +22,7 @@ from contid.control.engine.messages import ClearFault, Grip, Hold, Recover, Resu
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
+from contid.remote.server.checks import ClientTurns
 from contid.remote.server.lease import (
     INPUT_CLIENT,
     MAX_TIMEOUT_S,
@@ -58,15 +60,32 @@ class MotionOrders:
         self._run = run
         #: Newest refusals that answer no order: those of devices that are to be cleared.
         self._refusals: dict[str, str] = {}
+        self._turns = ClientTurns()
 
     @property
     def verbs(self) -> dict[str, Verb]:
         """Method of each verb."""
-        return {
+        unchecked: dict[str, Verb] = {
             Resume.NAME: self._resume, ClearFault.NAME: self._clear_fault, Recover.NAME: self._recover,
-            Grip.NAME: self._grip, "acquire": self._acquire, "release": self._release, "move": self._move,
-            "rows": self._rows, "end": self._end, "start": self._start,
+            Grip.NAME: self._grip, "acquire": self._acquire, "release": self._release, "end": self._end,
+            "start": self._start,
         }  # fmt: skip
+        checked: dict[str, Verb] = {"move": self._move, "rows": self._rows}
+        return {
+            **{name: partial(self._after_checks, name, verb) for name, verb in unchecked.items()},
+            **{name: partial(self._in_turn, name, verb) for name, verb in checked.items()},
+        }
+
+    async def _after_checks(self, name: str, verb: Verb, caller: Caller, request: RequestFields) -> Fields:
+        """An order whose models nobody asks here, behind those that its client gave before."""
+        async with self._turns.turn(caller.number, name):
+            pass
+        return await verb(caller, request)
+
+    async def _in_turn(self, name: str, verb: Verb, caller: Caller, request: RequestFields) -> Fields:
+        """An order that is checked before it is sent; those that its client gives later wait for that."""
+        async with self._turns.turn(caller.number, name):
+            return await verb(caller, request)
 
     def notice(self, event: OrderRefused) -> None:
         """Keep why the devices of a robot are not cleared, which answers no order."""
@@ -211,7 +230,7 @@ class MotionOrders:
         """Rows of a move along rows."""
         number, rows = _move_number(request), request.rows("rows")
         request.end()
-        return self._run.moves.rows(caller.number, number, rows)
+        return await self._run.moves.rows(caller.number, number, rows)
 
     async def _end(self, caller: Caller, request: RequestFields) -> Fields:
         """No further rows follow; ``hold_at_start``: a trajectory waits for `_start`."""

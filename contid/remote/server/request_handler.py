@@ -221,4 +221,4 @@ class RequestHandler:
 
     async def _measure(self, caller: Caller, request: RequestFields) -> Fields:
         """Take a measured tip of a tracker."""
-        return self.trackers.measure(caller.number, caller.name, request)
+        return await self.trackers.measure(caller.number, caller.name, request)
