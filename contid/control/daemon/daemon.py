@@ -12,7 +12,6 @@ import logging
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -249,7 +248,10 @@ class Daemon:
         call, robots = self._models.call, self.loaded.driven
         preflight = await call(robots, preflight_of, self._options, self.loaded)
         reader = LiveRowReader(stream, preflight)
-        read = partial(call, robots, reader.row)
+
+        async def read(line: str, number: int) -> Message | None:
+            return await call(robots, reader.row, line, number)
+
         await StreamFollower(stream, reader, self._send_input, read=read).follow()
         self._send_input(EndOfRows())
 

@@ -79,7 +79,7 @@ class StreamFollower:
         reader: LiveRowReader,
         send: Callable[[Message], None],
         now: Callable[[], float] = time.monotonic,
-        read: Callable[[str, int], Awaitable[Rows | None]] | None = None,
+        read: Callable[[str, int], Awaitable[Message | None]] | None = None,
     ) -> None:
         """Follow a stream; ``read`` is `LiveRowReader.row` where that asks isolated models."""
         self._read = read

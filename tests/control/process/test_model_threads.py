@@ -1,4 +1,4 @@
-"""Threads that ask models for an event loop: in the order of the calls, and for nobody no longer than a question."""
+"""Threads that ask models for an event loop: calls in their order, and no question for nobody."""
 
 from __future__ import annotations
 
