@@ -14,7 +14,7 @@ from contextvars import ContextVar
 from typing import Any, ParamSpec, TypeVar
 
 from contid.control.process.isolation.model_threads import ModelThreads
-from contid.remote.protocol.expiry import check_still_valid, unpaused
+from contid.remote.protocol.expiry import LASTING, check_still_valid, unpaused
 from contid.remote.protocol.wire import Code, RemoteError
 from contid.robot_file.load import LoadedFile
 
@@ -30,26 +30,34 @@ class ClientTurns:
 
     def __init__(self) -> None:
         self._newest: dict[int, asyncio.Event] = {}
+        self._ends = 0
+        self._why = ""
 
     @asynccontextmanager
     async def turn(self, client: int, verb: str) -> AsyncIterator[None]:
         """Wait until the orders that a client gave before are checked and sent; the next one waits for this.
 
         Raises:
-            RemoteError: the order has expired meanwhile.
+            RemoteError: the robots were stopped meanwhile, or the order has expired.
         """
-        before, own = self._newest.get(client), asyncio.Event()
+        before, own, begun = self._newest.get(client), asyncio.Event(), self._ends
         self._newest[client] = own
         _turn.set(own)
         try:
             if before is not None:
                 await before.wait()
+                if self._ends != begun and verb not in LASTING:
+                    raise RemoteError(Code.STOPPED, f"{self._why}, before the turn of this; nothing was sent")
                 check_still_valid(verb)
             yield
         finally:
             own.set()
             if self._newest.get(client) is own:
                 del self._newest[client]
+
+    def end(self, why: str) -> None:
+        """The orders that wait for their turn are not carried out: a stop that came after them is."""
+        self._ends, self._why = self._ends + 1, why
 
 
 def end_turn() -> None:

@@ -22,7 +22,6 @@ from contid.control.engine.messages import ClearFault, Grip, Hold, Recover, Resu
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
-from contid.remote.server.checks import ClientTurns
 from contid.remote.server.lease import (
     INPUT_CLIENT,
     MAX_TIMEOUT_S,
@@ -60,7 +59,6 @@ class MotionOrders:
         self._run = run
         #: Newest refusals that answer no order: those of devices that are to be cleared.
         self._refusals: dict[str, str] = {}
-        self._turns = ClientTurns()
 
     @property
     def verbs(self) -> dict[str, Verb]:
@@ -78,13 +76,13 @@ class MotionOrders:
 
     async def _after_checks(self, name: str, verb: Verb, caller: Caller, request: RequestFields) -> Fields:
         """An order whose models nobody asks here, behind those that its client gave before."""
-        async with self._turns.turn(caller.number, name):
+        async with self._run.moves.turns.turn(caller.number, name):
             pass
         return await verb(caller, request)
 
     async def _in_turn(self, name: str, verb: Verb, caller: Caller, request: RequestFields) -> Fields:
         """An order that is checked before it is sent; those that its client gives later wait for that."""
-        async with self._turns.turn(caller.number, name):
+        async with self._run.moves.turns.turn(caller.number, name):
             return await verb(caller, request)
 
     def notice(self, event: OrderRefused) -> None:
@@ -111,7 +109,7 @@ class MotionOrders:
         else:
             self._run.control.send(Hold())
             self._run.notify(holder.client, {"event": "lease-lost", "message": message})
-        self._run.moves.abort(message)
+        self._run.moves.stop(message)
         log.warning("%s from %r; holding", message, holder.name)
 
     async def _release(self, caller: Caller, request: RequestFields) -> Fields:

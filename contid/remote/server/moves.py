@@ -37,7 +37,7 @@ from contid.control.engine.tick_layout import TickRecord
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.expiry import unpaused
 from contid.remote.protocol.wire import Code, Fields, RemoteError
-from contid.remote.server.checks import Checks, end_turn
+from contid.remote.server.checks import Checks, ClientTurns, end_turn
 from contid.remote.server.gotos import Gotos
 from contid.remote.server.live_rows import LiveRows
 from contid.remote.server.move import (
@@ -66,7 +66,11 @@ _TIMED_CREDIT: Final = {"credits": TIMED_ROWS, "granted": MAX_ROWS}
 
 
 class Moves:
-    """The moves in progress."""
+    """The moves in progress.
+
+    Attributes:
+        turns: of orders that are checked before they are sent.
+    """
 
     def __init__(self, control: RunControl, view: TelemetryView, pending: PendingOrders) -> None:
         self._control = control
@@ -74,6 +78,7 @@ class Moves:
         self._pending = pending
         self._preconditions = Preconditions(control, view)
         self._checks = Checks(control.loaded)
+        self.turns = ClientTurns()
         self._live_rows = LiveRows(view, self._preconditions)
         self._numbers = itertools.count(1)
         self._gotos = Gotos(control, view, pending)
@@ -234,6 +239,11 @@ class Moves:
             # Without targets a later resume arms the robots and does not move them.
             self._control.send(Begin())
             move.end(False, message)
+
+    def stop(self, message: str) -> None:
+        """End also orders that wait for their turn: the robots are stopped, or another client moves them."""
+        self.turns.end(message)
+        self.abort(message)
 
     def notice(self, event: RunEvent) -> None:
         """Take in an event of the ring."""

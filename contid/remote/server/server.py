@@ -148,6 +148,8 @@ class SocketServer:
         """Until the next look: a frame that is due with the next record goes out as soon as that is there."""
         left_s = self._expected_s - time.monotonic()
         subscribed = [c.subscription for c in self._connections.values() if c.subscription is not None]
+        if self._asking is not None and not self._asking.done():
+            subscribed = [each for each in subscribed if not self._needs_answers(each)]
         due = any(each.due(self._expected_s, tick_s) for each in subscribed)
         # A control process that stands still is not looked at more often for it.
         return min(max(left_s, LOOK_S), WATCH_S) if due and left_s > -tick_s else WATCH_S
@@ -169,7 +171,7 @@ class SocketServer:
         for connection, subscription in due:
             if subscription.tick == record.tick:
                 continue
-            if self._handler.view.answers.needed(subscription.robots, subscription.fields):
+            if self._needs_answers(subscription):
                 if self._asking is None or self._asking.done():
                     subscription.sent(now_s, record.tick, self._handler.queries.telemetry_hz)
                     asking.append((connection, subscription))
@@ -183,6 +185,9 @@ class SocketServer:
             if self._asking is not None:
                 self._asking.result()  # an error of the frames before
             self._asking = asyncio.create_task(self._send_answered(asking, record))
+
+    def _needs_answers(self, subscription: Subscription) -> bool:
+        return self._handler.view.answers.needed(subscription.robots, subscription.fields)
 
     async def _send_answered(self, due: list[tuple[Connection, Subscription]], record: TickRecord) -> None:
         """Send frames once isolated models have answered; other frames and requests do not wait for them."""

@@ -184,6 +184,32 @@ async def test_orders_of_one_client_stay_in_order(slow: SlowRace) -> None:
     assert slow.sent.robots == ["f1", "f0", "f1", "f0"]
 
 
+@pytest.mark.parametrize(
+    ("verb", "fields"),
+    [
+        ("move", {"target": QUICK}), ("resume", {"after_stop": True}), ("acquire", {}),
+        ("move", {"columns": ["f0.x_mm", "f0.y_mm"]}),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("stopper", [1, 2], ids=["its own stop", "the stop of another"])
+async def test_what_waited_behind_a_check_does_not_follow_a_stop(
+    slow: SlowRace, verb: str, fields: dict[str, Any], stopper: int
+) -> None:
+    """It was given before the stop, so it would have been stopped; after it, it would undo the stop."""
+    program = Client(1)
+    task = await slow.under_check(program, "move", target=SLOW)
+    behind = asyncio.create_task(slow.race.give(program, verb, **fields))
+    await asyncio.sleep(0.01)
+    await slow.race.give(Client(stopper), "hold")
+    assert (await task, await behind) == (None, None)
+    assert slow.race.refused == {"stopped": 2}
+    slow.model.gate.set()
+    await asyncio.sleep(0.05)
+    assert slow.sent.robots == []
+    assert slow.race.handler.lease.stopped_by == f"client 'client {stopper}' (hold)"
+    assert await slow.race.give(program, "resume", after_stop=True) is not None, "its next order has its turn"
+
+
 async def test_a_refused_check_leaves_its_turn_to_the_next_order(slow: SlowRace) -> None:
     program = Client(1)
     task = await slow.under_check(program, "move", target={"f1.x_mm": 500.0, "f1.y_mm": 75.0})
