@@ -32,7 +32,7 @@ ROWS = 8
 
 @pytest.fixture(scope="module")
 def slow() -> Iterator[Running]:
-    """A finger, and a robot whose model searches slowly."""
+    """A finger, and a robot whose model searches slowly for what is out of reach."""
     folder = Path(tempfile.mkdtemp(prefix="contid-"))
     robot = ROBOT.format(name="f1", how=f'"{SEARCH_MS}"', trigger=folder / "trigger", bus="bus1")
     text = fingers(1, buses=2, options="watchdog_ms: 2000", rate_hz=100)
@@ -62,7 +62,7 @@ def slow() -> Iterator[Running]:
 
 
 def test_a_stop_of_another_client_does_not_wait_for_rows_under_check(slow: Running) -> None:
-    """Eight rows take half a second to check."""
+    """Eight rows out of reach take half a second to check."""
     with slow.client(name="person") as person, raw(slow) as program:
         answers = program.makefile("rb")
 
@@ -73,7 +73,7 @@ def test_a_stop_of_another_client_does_not_wait_for_rows_under_check(slow: Runni
             return answer["result"]
 
         begun = result({"id": 1, "verb": "move", "columns": ["f1.x_mm", "f1.y_mm"]})
-        rows = [[50.0 + 0.1 * number, 50.0] for number in range(ROWS)]
+        rows = [[150.0 + 0.1 * number, 50.0] for number in range(ROWS)]
         program.sendall(encode({"id": 2, "verb": "rows", "move": begun["move"], "rows": rows}))
         time.sleep(0.05)
         began_s = time.monotonic()

@@ -1,8 +1,8 @@
-"""A model of others that answers slowly, but does answer: its thorough searches, and the rest when asked.
+"""A model of others that answers slowly, but does answer: it searches long for targets out of its reach.
 
-Its ``how`` is the time of a search [ms]; in the ticks it searches at once. From when its trigger exists it
-takes as long for every answer, in the ticks too. It is the model ``bad`` of `tests.support.broken.bad_model`
-where it is installed instead of that (`installed_in`).
+The ticks never ask for those, and the checks of moves do. Its ``how`` is the time of a search [ms]; from when
+its trigger exists every answer takes as long, in the ticks too. It is the model ``bad`` of
+`tests.support.broken.bad_model` where it is installed instead of that (`installed_in`).
 """
 
 from __future__ import annotations
@@ -18,25 +18,20 @@ from tests.support.broken.bad_model import installed_in as bad_installed_in
 class SlowModel(BadModel):
     """The tip is at the values of the axes."""
 
-    def __init__(self, robot: BadRobot, *, thorough: bool = True) -> None:
-        self._robot, self._thorough = robot, thorough
+    def __init__(self, robot: BadRobot) -> None:
+        self._search_s = 1e-3 * float(robot.how)
         super().__init__(robot)
-
-    def for_ticks(self) -> SlowModel:
-        return SlowModel(self._robot, thorough=False)
 
     def _do(self) -> bool:
         if self._bad():
-            self._take()
+            time.sleep(self._search_s)
         return False
 
-    def _take(self) -> None:
-        time.sleep(1e-3 * float(self._robot.how))
-
     def inverse(self, target: Target, seed: Actuation) -> Solution:
-        if self._thorough and not self._seen:
-            self._take()
-        return super().inverse(target, seed)
+        found = super().inverse(target, seed)
+        if not found.converged and not self._seen:
+            time.sleep(self._search_s)
+        return found
 
 
 class SlowModelPlugin:
