@@ -89,9 +89,9 @@ class CsvRows:
         return _row(Located(self._name, number, 1, ""), line, self._columns, live)
 
     def located(self, message: str) -> str:
-        """A message of a daemon, which knows only how many rows it got, with the file and its lines.
+        """A message of a daemon, which counts the rows that it got, with the file and its lines.
 
-        It says ``rows:5``, and of a trajectory ``on line 5``, whose header it counts as line 1.
+        It has ``rows:5``, and of a trajectory ``on line 5``, whose header it counts as line 1.
         """
 
         def line_of(number: str) -> str:

@@ -75,7 +75,7 @@ class MotionOrders:
         }
 
     async def _after_checks(self, name: str, verb: Verb, caller: Caller, request: RequestFields) -> Fields:
-        """An order whose models nobody asks here, behind those that its client gave before."""
+        """An order that is not checked here, behind those that its client gave before."""
         async with self._run.moves.turns.turn(caller.number, name):
             pass
         return await verb(caller, request)

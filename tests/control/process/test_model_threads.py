@@ -13,7 +13,7 @@ from contid.control.process.isolation.model_threads import (
     FairLock,
     GivenUpError,
     ModelThreads,
-    check_wanted,
+    check_awaited,
 )
 from tests.support.fingers import load
 
@@ -46,7 +46,7 @@ async def test_a_call_that_is_given_up_ends_with_its_next_question(threads: Mode
         try:
             while gate.wait(20.0):
                 asked.set()
-                check_wanted()
+                check_awaited()
         except GivenUpError:
             ended.set()
             raise
@@ -61,7 +61,7 @@ async def test_a_call_that_is_given_up_ends_with_its_next_question(threads: Mode
             await task
         assert ended.wait(20.0)
         assert await threads.call(("f1",), lambda: "the next one") == "the next one"
-    check_wanted()  # the present thread is wanted
+    check_awaited()  # the present thread is wanted
 
 
 def test_a_thread_that_asks_on_and_on_keeps_no_other_waiting() -> None:

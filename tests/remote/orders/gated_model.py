@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from contid.control.engine.messages import Goto, Message, Rows
-from contid.control.process.isolation.model_threads import check_wanted
+from contid.control.process.isolation.model_threads import check_awaited
 from contid.remote.server.request_handler import RequestHandler
 from tests.remote.orders.races import Race
 
@@ -42,7 +42,7 @@ class GatedModel:
         return self._model.forward(*arguments)
 
     def _answer(self) -> None:
-        check_wanted()
+        check_awaited()
         self.asked += 1
         self.on_loop += threading.current_thread() is threading.main_thread()
         assert self.gate.wait(20.0), "never opened"

@@ -24,7 +24,7 @@ from contid.control.engine.tick_costs import TickCosts, UnansweredError
 from contid.control.process.isolation.isolated_model import IsolatedModel
 from contid.control.process.isolation.link import KeptProcess, ProcessState
 from contid.control.process.isolation.model_process import ModelProcess
-from contid.control.process.isolation.model_threads import FairLock, check_wanted
+from contid.control.process.isolation.model_threads import FairLock, check_awaited
 from contid.control.process.isolation.model_wire import ModelQuestion, unpack_answer
 from contid.control.process.isolation.timed_answer import AnswerTimer
 from contid.control.process.isolation.wire import RequestKind
@@ -147,7 +147,7 @@ class ModelPort:
         if self._costs is not None:  # in one thread, where an alarm may come between any two lines
             return self._asked(brief, method, arguments)
         with self._lock:
-            check_wanted()
+            check_awaited()
             return self._asked(brief, method, arguments)
 
     def _asked(self, brief: bool, method: str, arguments: Sequence[Any]) -> Any:

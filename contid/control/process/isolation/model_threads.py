@@ -16,19 +16,19 @@ from contid.robot_file.load import LoadedFile
 P = ParamSpec("P")
 T = TypeVar("T")
 
-#: Set once nobody waits for the call that the present thread carries out.
+#: Set once nothing waits for the call that the present thread carries out.
 _given_up: ContextVar[threading.Event | None] = ContextVar("_given_up", default=None)
 
 
 class GivenUpError(BaseException):
-    """Nobody waits for this call any more; no code that takes a model for wrong catches it."""
+    """Nothing waits for this call any more; no code that takes a model for wrong catches it."""
 
 
-def check_wanted() -> None:
+def check_awaited() -> None:
     """Raise in a call that was given up; a question of a model calls it first.
 
     Raises:
-        GivenUpError: nobody waits for the call of this thread.
+        GivenUpError: nothing waits for the call of this thread.
     """
     given_up = _given_up.get()
     if given_up is not None and given_up.is_set():
