@@ -1,7 +1,7 @@
-"""Checks of moves beside the event loop, for robots whose models have processes of their own.
+"""MoveChecks of moves beside the event loop, for robots whose models have processes of their own.
 
 What was true before a check need not be true after it: a stop, another client or another move may have ended
-what it is for (`Checks.end`). The check then raises at once, and so does its thread with its next question.
+what it is for (`MoveChecks.end`). The check then raises at once, and so does its thread with its next question.
 Orders of one client are carried out in their order (`ClientTurns`); orders to stop wait for none.
 """
 
@@ -67,7 +67,7 @@ def end_turn() -> None:
         own.set()
 
 
-class Checks:
+class MoveChecks:
     """The checks of one daemon; those of robots with contid's own models take place at once."""
 
     def __init__(self, loaded: LoadedFile) -> None:

@@ -37,7 +37,7 @@ from contid.control.engine.tick_layout import TickRecord
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.expiry import unpaused
 from contid.remote.protocol.wire import Code, Fields, RemoteError
-from contid.remote.server.checks import Checks, ClientTurns, end_turn
+from contid.remote.server.checks import ClientTurns, MoveChecks, end_turn
 from contid.remote.server.gotos import Gotos
 from contid.remote.server.live_rows import LiveRows
 from contid.remote.server.move import (
@@ -77,7 +77,7 @@ class Moves:
         self._view = view
         self._pending = pending
         self._preconditions = Preconditions(control, view)
-        self._checks = Checks(control.loaded)
+        self._checks = MoveChecks(control.loaded)
         self.turns = ClientTurns()
         self._live_rows = LiveRows(view, self._preconditions)
         self._numbers = itertools.count(1)

@@ -1,4 +1,4 @@
-"""Threads that ask models for an event loop: calls in their order, and no question for nobody."""
+"""Threads that ask models for an event loop: calls in their order, and none that nothing waits for."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ async def test_a_call_that_is_given_up_ends_with_its_next_question(threads: Mode
             await task
         assert ended.wait(20.0)
         assert await threads.call(("f1",), lambda: "the next one") == "the next one"
-    check_awaited()  # the present thread is wanted
+    check_awaited()
 
 
 def test_a_thread_that_asks_on_and_on_keeps_no_other_waiting() -> None:

@@ -133,7 +133,7 @@ async def test_a_request_whose_connection_ends_moves_nothing(slow: SlowRace) -> 
     slow.model.gate.set()
     await asyncio.sleep(0.05)
     assert slow.sent.robots == []
-    assert slow.model.asked == asked, "the thread goes on for nobody"
+    assert slow.model.asked == asked, "the thread goes on"
 
 
 async def test_a_robot_that_left_its_mode_is_not_moved(slow: SlowRace) -> None:
@@ -254,7 +254,7 @@ async def test_a_stop_ends_the_check_of_a_trajectory(slow: SlowRace) -> None:
     assert await slow.race.give(Client(1), "hold") is not None
     asked = slow.model.asked
     await slow.refused(task, "stopped")
-    assert slow.model.asked == asked, "its thread asks on for nobody"
+    assert slow.model.asked == asked, "its thread asks on"
 
 
 async def test_what_is_shown_has_no_tip_until_the_model_answers(slow: SlowRace) -> None:

@@ -24,7 +24,7 @@ from tests.support.waiting import until
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 #: Time of a search [ms]: below what a question may take, so each has its answer.
 SEARCH_MS = 60
 ROWS = 8
