@@ -1,7 +1,7 @@
-"""MoveChecks of moves beside the event loop, for robots whose models have processes of their own.
+"""Checks of moves beside the event loop, for robots whose models have processes of their own.
 
 What was true before a check need not be true after it: a stop, another client or another move may have ended
-what it is for (`MoveChecks.end`). The check then raises at once, and so does its thread with its next question.
+what it is for (`MoveChecks.end`). The check then raises at once; its thread does with its next question.
 Orders of one client are carried out in their order (`ClientTurns`); orders to stop wait for none.
 """
 
