@@ -44,6 +44,26 @@ def test_a_mistake_in_rows_is_named_with_file_line_and_column(row: str, place: s
         list(columns_and_rows(file)[1])
 
 
+@pytest.mark.parametrize(
+    ("header", "message", "named"),
+    [
+        ("t_s,x_mm", "rows:3:1: too far\nrows:2:1: on line 3", "{path}:5:1: too far\n{path}:3:1: on line 5"),
+        ("x_mm,y_mm", "rows:2: too far", "{path}:5: too far"),
+        ("x_mm,y_mm", "another client took rows:2 over", "another client took rows:2 over"),
+        ("x_mm,y_mm", "rows:9: a row that is none of these", "{path}:9: a row that is none of these"),
+    ],
+)
+def test_what_the_daemon_finds_is_named_with_file_and_line(
+    header: str, message: str, named: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "rows.csv"
+    path.write_text(f"# a circle\n{header}\n0,1\n\n1,2\n")
+    with path.open() as file:
+        _, rows = columns_and_rows(file)
+        assert list(rows) == [[0.0, 1.0], [1.0, 2.0]]
+    assert rows.located(message) == named.format(path=path)
+
+
 def test_a_live_row_that_is_cut_off_is_not_followed() -> None:
     """As of `contid run`: a killed producer may leave ``50,7`` of ``50,75``."""
     text = io.StringIO("x_mm,y_mm\n50,75\n50,7")

@@ -148,7 +148,11 @@ def test_the_commands_talk_to_the_daemon() -> None:
         assert "out of reach" in wrong.stderr
         refused = contid("move", "--trajectory", "-", stdin="x_mm,y_mm\n50,75\n500,75\n")
         assert refused.returncode == 2
-        assert re.match("contid: refused: rows:2: .* is out of reach", refused.stderr), refused.stderr
+        assert re.match("contid: refused: stdin:3: .* is out of reach", refused.stderr), refused.stderr
+        (running.folder / "far.csv").write_text("# far away\nt_s,x_mm,y_mm\n0,50,75\n\n0.5,500,75\n")
+        far = contid("move", "--trajectory", str(running.folder / "far.csv"))
+        assert far.returncode == 2
+        assert far.stderr.startswith(f"contid: {running.folder / 'far.csv'}:5:1: "), far.stderr
         (running.folder / "utf16.csv").write_text("x_mm,y_mm\n50,75\n", encoding="utf-16")
         garbled = contid("move", "--trajectory", str(running.folder / "utf16.csv"))
         assert garbled.returncode == 2

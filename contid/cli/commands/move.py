@@ -55,6 +55,7 @@ def command(
 
     With --grip axes in current_based_position mode push with less current: `contid move left --grip 0.3`.
     """
+    from contid.client import RemoteError
     from contid.remote.client.move_arguments import columns_and_rows, point, with_other_axes
 
     robots = tuple(part for part in message if "=" not in part)
@@ -81,7 +82,11 @@ def command(
                 else with_other_axes(target, client.describe(), client.status())
             )
             return {"move": client.move(goal, until_force_n=until_force_n, wait=not no_wait)}
-        return {"refused": client.stream(columns, rows)}
+        try:
+            refused = client.stream(columns, rows)
+        except RemoteError as error:
+            raise RemoteError(error.code, rows.located(str(error)), error.faults) from None
+        return {"refused": [rows.located(each) for each in refused]}
 
     if trajectory is None:
         target = {} if only_grip or goals else point(message)

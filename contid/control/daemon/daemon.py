@@ -36,12 +36,13 @@ from contid.control.engine.cycle import OnEnd
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.buses import ControlStalled, PaceReported
 from contid.control.engine.events.run import NoteWritten, RunFailed, SourceEnded, StopBegan
-from contid.control.engine.measured_tip import MeasuredTips
 from contid.control.engine.messages import Begin, EndOfRows, Estop, Finish, Hold, Message
 from contid.control.engine.report import RunReport, outrun
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
-from contid.control.engine.wiring import build_robot_configs, record_layout
+from contid.control.engine.wiring import record_layout
 from contid.control.process.isolation.body import isolated
+from contid.control.process.isolation.measured_tips_beside import MeasuredTipsBeside
+from contid.control.process.isolation.model_threads import ModelThreads
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.ring_reader import RingReader
 from contid.control.process.setup import RunSetup
@@ -74,9 +75,8 @@ class Daemon:
         self._options = options
         self._child = child
         self._report = ReportBuilder(self.rate_hz)
-        self._tips = MeasuredTips(
-            build_robot_configs(loaded, self.rate_hz), record_layout(loaded, self.rate_hz)
-        )
+        self._models = ModelThreads(loaded)
+        self._tips = MeasuredTipsBeside(loaded, self.rate_hz, self._models)
         self._shutdown = ShutdownSequence()
         self._silence = SilenceWatch(self.rate_hz, ProcessActivity(child.pid))
         self._ended = False
@@ -245,8 +245,14 @@ class Daemon:
             self._tasks.start(self._follow(source))
 
     async def _follow(self, stream: Stream) -> None:
-        preflight = preflight_of(self._options, self.loaded)
-        await StreamFollower(stream, LiveRowReader(stream, preflight), self._send_input).follow()
+        call, robots = self._models.call, self.loaded.driven
+        preflight = await call(robots, preflight_of, self._options, self.loaded)
+        reader = LiveRowReader(stream, preflight)
+
+        async def read(line: str, number: int) -> Message | None:
+            return await call(robots, reader.row, line, number)
+
+        await StreamFollower(stream, reader, self._send_input, read=read).follow()
         self._send_input(EndOfRows())
 
     def _send_input(self, message: Message) -> None:

@@ -11,7 +11,7 @@ import io
 import logging
 import os
 import time
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from typing import Final
 
 from contid.control.daemon.inputs import Stream
@@ -79,7 +79,10 @@ class StreamFollower:
         reader: LiveRowReader,
         send: Callable[[Message], None],
         now: Callable[[], float] = time.monotonic,
+        read: Callable[[str, int], Awaitable[Message | None]] | None = None,
     ) -> None:
+        """Follow a stream; ``read`` is `LiveRowReader.row` where that asks isolated models."""
+        self._read = read
         self._stream = stream
         self._reader = reader
         self._send = send
@@ -92,27 +95,27 @@ class StreamFollower:
         for number, line in self._stream.pending:
             if self._reader.ends(line, number):
                 return
-            self._row(line, number)
+            await self._row(line, number)
         async for lines in _lines(self._stream.descriptor):
             if lines and self._reader.ends(lines[-1], self._number + len(lines)):
-                self._turn(lines[:-1])
+                await self._turn(lines[:-1])
                 return
             started_s = self._now()
-            if not self._turn(lines):
+            if not await self._turn(lines):
                 await asyncio.sleep(max(PAUSE_S, self._now() - started_s))
 
-    def _turn(self, lines: Sequence[str]) -> bool:
+    async def _turn(self, lines: Sequence[str]) -> bool:
         """Follow lines that arrived together; False when the time was used."""
         end_s = self._now() + BUDGET_S
         for index, line in enumerate(lines):
             self._number += 1
-            self._row(line, self._number)
+            await self._row(line, self._number)
             if self._now() >= end_s:
-                self._newest(lines[index + 1 :])
+                await self._newest(lines[index + 1 :])
                 return False
         return True
 
-    def _newest(self, lines: Sequence[str]) -> None:
+    async def _newest(self, lines: Sequence[str]) -> None:
         """Follow the last row only."""
         first = self._number + 1
         self._number += len(lines)
@@ -125,10 +128,10 @@ class StreamFollower:
             log.warning(
                 f"{self._stream.name}:{first}:1: rows come faster than they can be checked; some are skipped"
             )
-        self._row(lines[newest], first + newest)
+        await self._row(lines[newest], first + newest)
 
-    def _row(self, line: str, number: int) -> None:
-        row = self._reader.row(line, number)
+    async def _row(self, line: str, number: int) -> None:
+        row = await self._read(line, number) if self._read else self._reader.row(line, number)
         if row is not None:
             self._send(row)
 

@@ -10,7 +10,7 @@ the tick. It shows the error of axes and their delay, not that of the model: a t
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, Final
 
 from contid.control.engine.events import RunEvent
@@ -30,10 +30,17 @@ class MeasuredTips:
     Args:
         configs: of the robots, in the order of the records.
         layout: of the records.
+        robots: those to evaluate; None for all.
     """
 
-    def __init__(self, configs: Sequence[RobotConfig], layout: RecordLayout) -> None:
-        self._configs = tuple(configs)
+    def __init__(
+        self, configs: Sequence[RobotConfig], layout: RecordLayout, robots: Collection[str] | None = None
+    ) -> None:
+        self._configs = [
+            (number, config)
+            for number, config in enumerate(configs)
+            if robots is None or config.name in robots
+        ]
         self._layout = layout
         self._every = max(1, round(layout.rate_hz / SAMPLES_HZ))
         self._next = 0
@@ -52,14 +59,15 @@ class MeasuredTips:
         if record is None or record.tick < self._next:
             return
         self._next = record.tick + self._every
-        for config, tally, robot in zip(self._configs, self._tallies, record.robots, strict=True):
+        for (number, config), tally in zip(self._configs, self._tallies, strict=True):
+            robot = record.robots[number]
             error_m = measured_tip_error_m(config, robot)
             if robot.mode == Mode.RUN and math.isfinite(error_m):
                 tally.add(error_m, converged=True)
 
     def complete(self, robots: dict[str, dict[str, Any]]) -> None:
         """Add the figures to the reports of the robots; those without a sample in RUN get none."""
-        for config, tally in zip(self._configs, self._tallies, strict=True):
+        for (_, config), tally in zip(self._configs, self._tallies, strict=True):
             if tally.followed and config.name in robots:
                 figures = tally.as_dict()
                 for name in ("tip_error_max_mm", "tip_error_rms_mm"):

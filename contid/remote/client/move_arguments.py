@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
+from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Self
 
 from contid.errors import BadInputError, ContidError, Located
 from contid.remote.client.described_robot import columns_of
@@ -64,12 +66,47 @@ def with_other_axes(
     return found
 
 
-def columns_and_rows(file: Iterable[str]) -> tuple[list[str], Iterator[list[float]]]:
-    """Columns and rows of a CSV; the rows are read lazily.
+class CsvRows:
+    """The rows of a CSV, read lazily, and their lines.
+
+    Iterating raises a BadInputError with its place for a cell that is not a finite number.
+    """
+
+    def __init__(self, name: str, columns: Sequence[str], numbered: Iterator[tuple[int, str]]) -> None:
+        self._name, self._columns, self._numbered = name, columns, numbered
+        self._timed = "t_s" in columns
+        self._lines = array("q")
+
+    def __iter__(self) -> Self:
+        """Itself."""
+        return self
+
+    def __next__(self) -> list[float]:
+        """The next row."""
+        number, line = next(self._numbered)
+        self._lines.append(number)
+        live = self._name == "stdin" and not self._timed
+        return _row(Located(self._name, number, 1, ""), line, self._columns, live)
+
+    def located(self, message: str) -> str:
+        """A message of a daemon, which counts the rows that it got, with the file and its lines.
+
+        It has ``rows:5``, and of a trajectory ``on line 5``, whose header it counts as line 1.
+        """
+
+        def line_of(number: str) -> str:
+            index = int(number) - (2 if self._timed else 1)
+            return str(self._lines[index]) if 0 <= index < len(self._lines) else number
+
+        message = re.sub(r"(?m)^rows:(\d+)", lambda found: f"{self._name}:{line_of(found[1])}", message)
+        return re.sub(r"\bon line (\d+)", lambda found: f"on line {line_of(found[1])}", message)
+
+
+def columns_and_rows(file: Iterable[str]) -> tuple[list[str], CsvRows]:
+    """Columns and rows of a CSV.
 
     Raises:
         ContidError: there is no header.
-        BadInputError: from the iterator, for a cell that is not a finite number, with its place.
     """
     name = str(getattr(file, "name", "trajectory")).strip("<>")  # <stdin>
     lines = (
@@ -81,8 +118,7 @@ def columns_and_rows(file: Iterable[str]) -> tuple[list[str], Iterator[list[floa
     if first is None:
         raise ContidError(f"{name}: empty: a header and at least one row are needed")
     columns = [column.strip().strip('"') for column in first[1].removeprefix("\ufeff").split(",")]
-    live = name == "stdin" and "t_s" not in columns
-    return columns, (_row(Located(name, number, 1, ""), line, columns, live) for number, line in lines)
+    return columns, CsvRows(name, columns, lines)
 
 
 def _row(place: Located, line: str, columns: Sequence[str], live: bool) -> list[float]:

@@ -55,6 +55,17 @@ def check_expiry(verb: str, fields: Fields) -> Fields:
     return rest
 
 
+def check_still_valid(verb: str) -> None:
+    """Check again, once the request under way has waited for others of its client.
+
+    Raises:
+        RemoteError: it has expired.
+    """
+    until_s = _valid_until_s.get()
+    if until_s is not None and verb != "end":
+        _check(verb, until_s)
+
+
 @asynccontextmanager
 async def unpaused(verb: str) -> AsyncIterator[Callable[[], None]]:
     """A check during the work for the request under way, to be called before anything is sent that moves.

@@ -60,12 +60,12 @@ class LiveRows:
             targets: dict[str, Target | None] = {**layout.targets(move.reader.row(row, move.count))}
         except BadInputError as error:
             return CheckedRow(dict.fromkeys(move.reader.robots), [str(error)], {})
-        refused = self._preconditions.unreachable(targets)
+        refused = self._preconditions.unreachable(targets, record)
         edges: dict[str, Target] = {}
         if move.nearest and self._preconditions.refuses:
             steps = self.steps(targets, move.last, record)
             refused = _beside(steps) | refused
-            edges = self._edges(targets, steps, refused)
+            edges = self._edges(targets, steps, refused, record)
             refused = {name: why for name, why in refused.items() if name not in edges}
         targets |= edges | dict.fromkeys(refused)
         move.last |= {name: target for name, target in targets.items() if target is not None}
@@ -89,7 +89,11 @@ class LiveRows:
         return found
 
     def _edges(
-        self, targets: Mapping[str, Target | None], steps: Mapping[str, _LiveStep], refused: Collection[str]
+        self,
+        targets: Mapping[str, Target | None],
+        steps: Mapping[str, _LiveStep],
+        refused: Collection[str],
+        record: TickRecord | None,
     ) -> dict[str, Target]:
         """Targets within reach in place of refused ones (`along_the_edge`); none if a row of them is not."""
         found = {
@@ -97,7 +101,7 @@ class LiveRows:
             for name, step in steps.items()
             if name in refused and (edge := along_the_edge(*step)) is not None
         }
-        return {} if found and self._preconditions.unreachable({**targets, **found}) else found
+        return {} if found and self._preconditions.unreachable({**targets, **found}, record) else found
 
 
 def _beside(steps: Mapping[str, _LiveStep]) -> dict[str, str]:

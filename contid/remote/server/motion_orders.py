@@ -14,6 +14,7 @@ import logging
 import time
 from collections import ChainMap
 from collections.abc import Mapping
+from functools import partial
 from typing import Final, NamedTuple
 
 from contid.control.engine.events.robots import OrderRefused
@@ -62,11 +63,27 @@ class MotionOrders:
     @property
     def verbs(self) -> dict[str, Verb]:
         """Method of each verb."""
-        return {
+        unchecked: dict[str, Verb] = {
             Resume.NAME: self._resume, ClearFault.NAME: self._clear_fault, Recover.NAME: self._recover,
-            Grip.NAME: self._grip, "acquire": self._acquire, "release": self._release, "move": self._move,
-            "rows": self._rows, "end": self._end, "start": self._start,
+            Grip.NAME: self._grip, "acquire": self._acquire, "release": self._release, "end": self._end,
+            "start": self._start,
         }  # fmt: skip
+        checked: dict[str, Verb] = {"move": self._move, "rows": self._rows}
+        return {
+            **{name: partial(self._after_checks, name, verb) for name, verb in unchecked.items()},
+            **{name: partial(self._in_turn, name, verb) for name, verb in checked.items()},
+        }
+
+    async def _after_checks(self, name: str, verb: Verb, caller: Caller, request: RequestFields) -> Fields:
+        """An order that is not checked here, behind those that its client gave before."""
+        async with self._run.moves.turns.turn(caller.number, name):
+            pass
+        return await verb(caller, request)
+
+    async def _in_turn(self, name: str, verb: Verb, caller: Caller, request: RequestFields) -> Fields:
+        """An order that is checked before it is sent; those that its client gives later wait for that."""
+        async with self._run.moves.turns.turn(caller.number, name):
+            return await verb(caller, request)
 
     def notice(self, event: OrderRefused) -> None:
         """Keep why the devices of a robot are not cleared, which answers no order."""
@@ -92,7 +109,7 @@ class MotionOrders:
         else:
             self._run.control.send(Hold())
             self._run.notify(holder.client, {"event": "lease-lost", "message": message})
-        self._run.moves.abort(message)
+        self._run.moves.stop(message)
         log.warning("%s from %r; holding", message, holder.name)
 
     async def _release(self, caller: Caller, request: RequestFields) -> Fields:
@@ -211,7 +228,7 @@ class MotionOrders:
         """Rows of a move along rows."""
         number, rows = _move_number(request), request.rows("rows")
         request.end()
-        return self._run.moves.rows(caller.number, number, rows)
+        return await self._run.moves.rows(caller.number, number, rows)
 
     async def _end(self, caller: Caller, request: RequestFields) -> Fields:
         """No further rows follow; ``hold_at_start``: a trajectory waits for `_start`."""

@@ -33,9 +33,11 @@ from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import GotoEnded, OrderGiven, OrderRefused, SqueezeChanged
 from contid.control.engine.events.run import SourceEnded
 from contid.control.engine.messages import NOT_AT_START, Begin, Follow, Message, Play, Rows, Start
+from contid.control.engine.tick_layout import TickRecord
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.expiry import unpaused
 from contid.remote.protocol.wire import Code, Fields, RemoteError
+from contid.remote.server.checks import ClientTurns, MoveChecks, end_turn
 from contid.remote.server.gotos import Gotos
 from contid.remote.server.live_rows import LiveRows
 from contid.remote.server.move import (
@@ -53,6 +55,7 @@ from contid.remote.server.pending_orders import CONFIRM_TIMEOUT_S, OrderResult, 
 from contid.remote.server.preconditions import Preconditions
 from contid.remote.server.standstill import checked_at_rest
 from contid.remote.server.telemetry_view import TelemetryView
+from contid.trajectory.timed import Trajectory
 
 #: How far ahead a start may lie.
 MIN_LEAD_S: Final = 0.2
@@ -63,13 +66,19 @@ _TIMED_CREDIT: Final = {"credits": TIMED_ROWS, "granted": MAX_ROWS}
 
 
 class Moves:
-    """The moves in progress."""
+    """The moves in progress.
+
+    Attributes:
+        turns: of orders that are checked before they are sent.
+    """
 
     def __init__(self, control: RunControl, view: TelemetryView, pending: PendingOrders) -> None:
         self._control = control
         self._view = view
         self._pending = pending
         self._preconditions = Preconditions(control, view)
+        self._checks = MoveChecks(control.loaded)
+        self.turns = ClientTurns()
         self._live_rows = LiveRows(view, self._preconditions)
         self._numbers = itertools.count(1)
         self._gotos = Gotos(control, view, pending)
@@ -83,8 +92,13 @@ class Moves:
         """Start a goto, or a closing until a force; returns when the control process has accepted it."""
         targets = self._preconditions.point(target)
         self._preconditions.armed(tuple(targets))
-        if unreachable := self._preconditions.unreachable(targets):
+        preconditions = self._preconditions
+        if unreachable := await self._checks.short(
+            "move", preconditions.asked(targets), preconditions.unreachable, targets, self._control.newest()
+        ):
             raise RemoteError(Code.UNREACHABLE, "; ".join(unreachable.values()))
+        preconditions.armed(tuple(targets))  # the check may have taken long
+        end_turn()
         if self._current is not None and self._current.client == client:
             self.abort("another move began")
         move = Move(next(self._numbers), client, notify)
@@ -107,7 +121,7 @@ class Moves:
             await self._obeyed(reader.robots, Begin(), Follow(reader.robots))
         return {"move": number, "timed": False, **credit.fields}
 
-    def rows(self, client: int, number: int, rows: Sequence[Sequence[float]]) -> Fields:
+    async def rows(self, client: int, number: int, rows: Sequence[Sequence[float]]) -> Fields:
         """Take rows; robots of a refused row of a live stream hold."""
         move = self._open_move(client, number)
         if isinstance(move, TimedMove):
@@ -121,8 +135,10 @@ class Moves:
         move.credit.spend(len(rows), asyncio.get_running_loop().time())
         refused: list[str] = []
         reached: dict[str, float] = {}
+        asked, check = self._preconditions.asked(move.reader.robots), self._live_rows.check
         for row in rows:
-            checked = self._live_rows.check(move, row, self._control.newest())
+            checked = await self._checks.short("rows", asked, check, move, row, self._control.newest())
+            self._check_current(move)
             self._control.send(Rows(checked.targets))
             refused += checked.refused
             reached |= checked.reached
@@ -150,12 +166,17 @@ class Moves:
     async def _play(self, move: TimedMove, waits: bool, check_pause: Callable[[], None]) -> Fields:
         """Check a timed trajectory as a whole and let the tick follow it, unless the daemon stood still."""
         move.phase = Phase.CHECKED
-        robots, check = move.reader.robots, partial(self._preconditions.trajectory, move.reader, move.rows)
+        robots, preconditions = move.reader.robots, self._preconditions
+        asked = preconditions.asked(robots)
+
+        async def check(record: TickRecord | None) -> Trajectory:
+            return await self._checks.long(asked, preconditions.trajectory, move.reader, move.rows, record)
+
         trajectory = await checked_at_rest(
             self._control, self._view, self._pending, check, partial(self._check_current, move)
         )
         self._check_current(move)
-        self._preconditions.armed(robots)  # the check and the standstill take seconds
+        preconditions.armed(robots)  # the check and the standstill take seconds
         check_pause()
         await self._obeyed(robots, Play(trajectory, waits), timeout_s=PLAY_TIMEOUT_S)
         self._check_current(move)
@@ -211,12 +232,18 @@ class Moves:
             move.notify({"event": "credit", "move": move.number, **move.credit.fields})
 
     def abort(self, message: str) -> None:
-        """End the move along rows before its end, if there is one; gotos notify their own end."""
+        """End checks, and the move along rows before its end, if there is one; gotos notify their own end."""
+        self._checks.end(message)
         move, self._current = self._current, None
         if move is not None:
             # Without targets a later resume arms the robots and does not move them.
             self._control.send(Begin())
             move.end(False, message)
+
+    def stop(self, message: str) -> None:
+        """End also orders that wait for their turn: the robots are stopped, or another client moves them."""
+        self.turns.end(message)
+        self.abort(message)
 
     def notice(self, event: RunEvent) -> None:
         """Take in an event of the ring."""

@@ -86,9 +86,13 @@ class Preconditions:
             if mode not in ARMED:
                 raise RemoteError(Code.NOT_ARMED, f"{name} is {mode.name}, not armed; resume first")
 
-    def unreachable(self, targets: Mapping[str, Target | None]) -> dict[str, str]:
-        """Robots that cannot reach their targets from where they are, with the reason."""
-        return self._preflight(self._control.newest()).row(targets) if self.refuses else {}
+    def asked(self, robots: Collection[str]) -> Collection[str]:
+        """The robots whose models a check of some asks: what keeps bodies apart asks all."""
+        return robots if self._clearance is None else self._view.configs
+
+    def unreachable(self, targets: Mapping[str, Target | None], record: TickRecord | None) -> dict[str, str]:
+        """Robots that cannot reach their targets from where they were in a record, with the reason."""
+        return self._preflight(record).row(targets) if self.refuses else {}
 
     def trajectory(
         self, reader: RowReader, rows: Sequence[Sequence[float]], record: TickRecord | None

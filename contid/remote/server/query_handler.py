@@ -171,6 +171,8 @@ class QueryHandler:
 
     async def _status(self, caller: Caller, request: RequestFields) -> Fields:
         request.end()
+        record = self._control.newest()
+        await self._view.answers.ask(record, self._view.configs, ("tip_mm",))
         now_s = time.monotonic()
         lateness = sorted(self._control.lateness(LATENESS_TICKS))
         return {
@@ -200,7 +202,7 @@ class QueryHandler:
                 "max": round(lateness[-1] * 1e6, 1) if lateness else None,
             },
             "lateness_classes": self._lateness.as_fields(),
-            **self._view.status(self._control.newest(), now_s, self._control.costs()),
+            **self._view.status(record, now_s, self._control.costs()),
         }
 
     async def _describe(self, caller: Caller, request: RequestFields) -> Fields:

@@ -184,7 +184,7 @@ class RequestHandler:
     def _lapsed(self, holder: LeaseHolder, message: str) -> None:
         """Let the robots hold, because their holder has lost the lease; ``message`` states why."""
         self._control.send(Hold())
-        self.moves.abort(message)
+        self.moves.stop(message)
         log.warning("%s lost the lease (%s); holding", holder.label, message)
         self._notify(holder.client, {"event": "lease-lost", "message": message})
 
@@ -221,4 +221,4 @@ class RequestHandler:
 
     async def _measure(self, caller: Caller, request: RequestFields) -> Fields:
         """Take a measured tip of a tracker."""
-        return self.trackers.measure(caller.number, caller.name, request)
+        return await self.trackers.measure(caller.number, caller.name, request)

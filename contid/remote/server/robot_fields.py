@@ -29,6 +29,8 @@ FIELDS: Final = (
     "age_ms", "effort", "temperature_c", "voltage_v", "tension_n", "measured_tip_mm", "measured_direction",
     "estimated_load_n", "estimated_sigma_n", "bends",
 )  # fmt: skip
+#: Those that a model answers.
+MODEL_FIELDS: Final = frozenset({"tip_mm", "command_tip_mm", "bends"})
 DEFAULT_FIELDS: Final = ("state", "fault", "tip_mm", "command", "measured")
 PER_AXIS: Final = ("effort", "temperature_c", "voltage_v", "tension_n")
 

@@ -15,12 +15,14 @@ from contid.control.engine.events.buses import BusChanged, ControlStalled, Stale
 from contid.control.engine.events.json_form import to_json
 from contid.control.engine.events.robots import FaultLatched, ModeChanged, OrderRefused
 from contid.control.engine.events.run import SourceEnded, StopBegan
+from contid.control.engine.tick_layout import TickRecord
 from contid.control.tick.faults import Fault
 from contid.remote.protocol.peer_credentials import ClientRole, peer_of, role_of
 from contid.remote.protocol.socket_path import Endpoint
 from contid.remote.protocol.wire import MAX_CLIENTS, Fields, encode
 from contid.remote.server.acceptor import Acceptor
 from contid.remote.server.connection import Connection
+from contid.remote.server.query_handler import Subscription
 from contid.remote.server.request_handler import RequestHandler
 from contid.remote.server.telemetry_view import fault_fields
 from contid.remote.server.turns import Turns
@@ -52,6 +54,7 @@ class SocketServer:
         self._numbers = 0
         self._expected_s = 0.0
         self._turns = Turns()
+        self._asking: asyncio.Task[None] | None = None
         self._handler: RequestHandler
 
     async def serve(self, control: RunControl) -> None:
@@ -68,6 +71,8 @@ class SocketServer:
                 handler.watch()
                 await self._send_frames(control)
         finally:
+            if self._asking is not None:
+                self._asking.cancel()
             acceptor.close()
             for connection in tuple(self._connections.values()):
                 connection.disconnect("the daemon ends")
@@ -143,6 +148,8 @@ class SocketServer:
         """Until the next look: a frame that is due with the next record goes out as soon as that is there."""
         left_s = self._expected_s - time.monotonic()
         subscribed = [c.subscription for c in self._connections.values() if c.subscription is not None]
+        if self._asking is not None and not self._asking.done():
+            subscribed = [each for each in subscribed if not self._needs_answers(each)]
         due = any(each.due(self._expected_s, tick_s) for each in subscribed)
         # A control process that stands still is not looked at more often for it.
         return min(max(left_s, LOOK_S), WATCH_S) if due and left_s > -tick_s else WATCH_S
@@ -160,15 +167,39 @@ class SocketServer:
         if record is None:
             return
         self._expected_s = record.deadline_s + tick_s + record.work_s
-        frames = self._handler.frames
+        asking: list[tuple[Connection, Subscription]] = []
         for connection, subscription in due:
             if subscription.tick == record.tick:
                 continue
+            if self._needs_answers(subscription):
+                if self._asking is None or self._asking.done():
+                    subscription.sent(now_s, record.tick, self._handler.queries.telemetry_hz)
+                    asking.append((connection, subscription))
+                continue
             subscription.sent(now_s, record.tick, self._handler.queries.telemetry_hz)
-            line = frames.line(record, subscription.robots, subscription.fields)
-            if dropped := connection.outbox.dropped:
-                line = line[:-2] + b',"dropped":%d}\n' % dropped
-            connection.outbox.put_frame(line)
+            self._send_frame(connection, subscription, record)
             if time.monotonic() - turn_s > FRAMES_S:
                 await asyncio.sleep(0)
                 turn_s = time.monotonic()
+        if asking:
+            if self._asking is not None:
+                self._asking.result()  # an error of the frames before
+            self._asking = asyncio.create_task(self._send_answered(asking, record))
+
+    def _needs_answers(self, subscription: Subscription) -> bool:
+        return self._handler.view.answers.needed(subscription.robots, subscription.fields)
+
+    async def _send_answered(self, due: list[tuple[Connection, Subscription]], record: TickRecord) -> None:
+        """Send frames once isolated models have answered; other frames and requests do not wait for them."""
+        robots = {robot for _, subscription in due for robot in subscription.robots}
+        fields = {field for _, subscription in due for field in subscription.fields}
+        await self._handler.view.answers.ask(record, robots, fields)
+        for connection, subscription in due:
+            if connection.subscription is subscription:  # it may have another one meanwhile, or none
+                self._send_frame(connection, subscription, record)
+
+    def _send_frame(self, connection: Connection, subscription: Subscription, record: TickRecord) -> None:
+        line = self._handler.frames.line(record, subscription.robots, subscription.fields)
+        if dropped := connection.outbox.dropped:
+            line = line[:-2] + b',"dropped":%d}\n' % dropped
+        connection.outbox.put_frame(line)

@@ -7,7 +7,7 @@ on where it stands, so the trajectory is checked again if a robot has moved sinc
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Final
 
 from contid.control.daemon.interfaces import RunControl
@@ -28,22 +28,22 @@ async def checked_at_rest(
     control: RunControl,
     view: TelemetryView,
     pending: PendingOrders,
-    check: Callable[[TickRecord | None], Trajectory],
+    check: Callable[[TickRecord | None], Awaitable[Trajectory]],
     check_current: Callable[[], None],
 ) -> Trajectory:
-    """The trajectory that ``check`` finds from a record; it runs in a thread, and a stop has its response.
+    """The trajectory that ``check`` finds from a record, in a thread: a stop meanwhile has its response.
 
     Raises:
         RemoteError: of the check; of ``check_current``, when the move ended meanwhile and robots may move for
             another client, which are left alone; or a robot still moves after `STANDSTILL_TIMEOUT_S`.
     """
     record = control.newest()
-    trajectory = await asyncio.to_thread(check, record)
+    trajectory = await check(record)
     check_current()
     await pending.confirmed(pending.send([Hold()]))
     stands = await _standstill(control, view)
     if _commands(view, stands) != _commands(view, record):
-        trajectory = await asyncio.to_thread(check, stands)
+        trajectory = await check(stands)
     return trajectory
 
 

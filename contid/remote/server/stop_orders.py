@@ -79,5 +79,5 @@ class StopOrders:
             self._run.notify(
                 holder.client, {"event": "lease-lost", "message": f"{message} stopped the robots"}
             )
-        self._run.moves.abort(message)
+        self._run.moves.stop(message)
         return future

@@ -14,12 +14,14 @@ from contid.control.engine.events.robots import FaultLatched
 from contid.control.engine.measured_tip import measured_actuation
 from contid.control.engine.tick_layout import ENABLED, UNRESTED, RecordLayout, RobotRecord, TickRecord
 from contid.control.engine.wiring import build_robot_configs, record_layout
+from contid.control.process.isolation.model_answers import ModelAnswers
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import PAGES, Fault
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
 from contid.remote.server.health import bus_health
 from contid.remote.server.robot_fields import (
+    MODEL_FIELDS,
     PER_AXIS,
     bends_of,
     commanded,
@@ -51,7 +53,13 @@ def fault_fields(fault: Fault, detail: str) -> Fields | None:
 
 
 class TelemetryView:
-    """The robots of one daemon as clients see them."""
+    """The robots of one daemon as clients see them.
+
+    Attributes:
+        configs, robots: by name.
+        layout: of the records.
+        answers: of isolated models, which are to be asked before `field` and `status`.
+    """
 
     def __init__(self, loaded: LoadedFile, rate_hz: float, refresh: Callable[[], None]) -> None:
         """View the robots of a file; ``refresh`` fetches the events up to the newest record."""
@@ -64,6 +72,7 @@ class TelemetryView:
         self._details: dict[str, str] = {}
         self._waited, self._longest_gap_ms = 0, 0.0
         self._refresh = refresh
+        self.answers = ModelAnswers(loaded, MODEL_FIELDS, self._field)
         self._index = {robot.name: number for number, robot in enumerate(self.layout.robots)}
         self._axes_of = {
             name: tuple(axis for axis, _ in bus.axes) for name, bus in loaded.buses.items() if bus.axes
@@ -208,7 +217,10 @@ class TelemetryView:
         }
 
     def field(self, record: TickRecord, robot: str, field: str) -> Any:
-        """One of `FIELDS` of a robot at one tick."""
+        """One of `FIELDS` of a robot at one tick, `answers` of it included."""
+        return self.answers.value(record, robot, field)
+
+    def _field(self, record: TickRecord, robot: str, field: str) -> Any:
         if field == "bends":
             return bends_of(self.configs[robot], self.robots[robot], self._of(robot, record))
         return field_of(self.configs[robot], self._of(robot, record), field)
@@ -235,7 +247,7 @@ class TelemetryView:
             "state": Mode(record.mode).name,
             "enabled": bool(record.flags & ENABLED),
             "fault": self._fault(name, record),
-            **{key: field_of(config, record, key) for key in ("tip_mm", "target_mm", "error_mm")},
+            **{key: self.field(newest, name, key) for key in ("tip_mm", "target_mm", "error_mm")},
             **{
                 key: load
                 for key in ("estimated_load_n", "estimated_sigma_n")

@@ -17,6 +17,7 @@ import numpy as np
 
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.messages import Measured
+from contid.control.process.isolation.model_threads import ModelThreads
 from contid.control.tick.config import RobotConfig
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields, is_number
 from contid.remote.server.telemetry_view import TelemetryView
@@ -69,6 +70,7 @@ class Trackers:
         self._control = control
         self._view = view
         self._trackers: dict[str, Tracker] = {}
+        self._threads = ModelThreads(control.loaded)
         self._reach_m: dict[str, float] = {}
 
     @property
@@ -76,14 +78,16 @@ class Trackers:
         """True while a measurement may wait to be sent."""
         return bool(self._trackers)
 
-    def measure(self, client: int, name: str, request: RequestFields) -> Fields:
+    async def measure(self, client: int, name: str, request: RequestFields) -> Fields:
         """Take one measurement.
 
         Raises:
             RemoteError: malformed, too old, too far, or another client tracks this robot.
         """
-        now_s = time.monotonic()
         config = self._config(request)
+        if config.name not in self._reach_m:
+            self._reach_m[config.name] = REACH * await self._threads.call((config.name,), _longest, config)
+        now_s = time.monotonic()
         dimension = self._view.robots[config.name].dimension
         tip_mm = _vector(request.anything("tip_mm"), "tip_mm", dimension)
         given, direction = request.anything("direction"), None
@@ -174,8 +178,6 @@ class Trackers:
 
     def _check_reach(self, config: RobotConfig, tip_in_world: Vec3) -> None:
         distance_m = math.hypot(*config.frame.point_in_base(tip_in_world))
-        if config.name not in self._reach_m:
-            self._reach_m[config.name] = REACH * _longest(config)
         if distance_m > self._reach_m[config.name]:
             reach_mm = self._reach_m[config.name] * MM_PER_M
             message = f"a tip {distance_m * MM_PER_M:.6g} mm from the base is not this robot's"

@@ -11,6 +11,7 @@ import pytest
 from contid.control.engine.events.robots import OrderRefused
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.wire import RemoteError, RequestFields
+from contid.remote.server.checks import ClientTurns
 from contid.remote.server.motion_orders import MotionOrders
 
 FOREIGN = (OrderRefused(robot="f0", message="f0: cannot hold", answers=4),)
@@ -37,6 +38,7 @@ def orders(modes: Iterator[Mode], events: tuple[Any, ...], refused: dict[str, st
         control=SimpleNamespace(newest=newest),
         view=view,
         pending=SimpleNamespace(send=lambda orders: orders, confirmed=confirmed),
+        moves=SimpleNamespace(turns=ClientTurns()),
         lease=SimpleNamespace(check_free=lambda client, now_s: None),
         robots_of=lambda request: None,
         states=lambda robots, record: {"f0": record.name},

@@ -5,7 +5,8 @@
     READY       a question is sent and answered, or is an error   BUILDS: it ended or was too slow; FAILED
     FAILED      no model; a question is an error                  BUILDS, at a question `PAUSE_S` later
 
-A question waits for its answer: what asks needs it. One that fails in a tick, or in an order, is a fault of
+A question waits for its answer: what asks needs it. An event loop has it asked in a thread
+(`contid.control.process.isolation.model_threads`). One that fails in a tick, or in an order, is a fault of
 its robot (`UnansweredError`), and the model is built again at once. Before the first tick and beside the
 ticks, in the daemon, it is an error of who asks (`ModelLostError`), and the process is ended.
 """
@@ -15,7 +16,6 @@ from __future__ import annotations
 import enum
 import json
 import math
-import threading
 import time
 from collections.abc import Sequence
 from typing import Any, Final
@@ -24,8 +24,9 @@ from contid.control.engine.tick_costs import TickCosts, UnansweredError
 from contid.control.process.isolation.isolated_model import IsolatedModel
 from contid.control.process.isolation.link import KeptProcess, ProcessState
 from contid.control.process.isolation.model_process import ModelProcess
+from contid.control.process.isolation.model_threads import FairLock, check_awaited
 from contid.control.process.isolation.model_wire import ModelQuestion, unpack_answer
-from contid.control.process.isolation.timed_answer import AnswerTimer, TimedAnswer
+from contid.control.process.isolation.timed_answer import AnswerTimer
 from contid.control.process.isolation.wire import RequestKind
 from contid.control.process.tick_alarm import LONGEST_S
 from contid.control.tick.faults import Fault
@@ -36,10 +37,8 @@ from contid.kinematics.isolated_robot import IsolatedRobot
 BUILD_S: Final = 10.0
 #: Time until a model that failed beside the ticks is built again.
 PAUSE_S: Final = 5.0
-#: Time in which an event loop does not ask a model again whose process waited for a processor.
-QUIET_S: Final = 1.0
 #: Longest wait for an answer of a process that waits for a processor, in longest answers; at least
-#: `LONGEST_S`. An event loop waits no longer than for a longest answer.
+#: `LONGEST_S`.
 WAITS: Final = 20.0
 
 
@@ -78,8 +77,8 @@ class ModelPort:
         self._name = name
         self._robot = robot
         self._why, self._fault = "", Fault.MODEL_ENDED  # of the newest failure
-        self._lock = threading.Lock()  # the daemon checks trajectories in a thread
-        self._failed_s = self._quiet_until_s = -math.inf
+        self._lock = FairLock()  # the daemon asks in threads
+        self._failed_s = -math.inf
         self._costs: TickCosts | None = None
         self._link = KeptProcess(name, ModelProcess, robot.body)
         self._timer = AnswerTimer(self._link)
@@ -130,8 +129,10 @@ class ModelPort:
     def close(self) -> None:
         """End the process, which has no devices to bring to rest, at once: it may hang."""
         self._link.end_process("was closed")
-        self._link.close(0.0)
-        self._timer.close()
+        with self._lock:  # a question of a thread has ended with the process
+            self.state, self._failed_s, self._why = ModelState.FAILED, math.inf, "its model was closed"
+            self._link.close(0.0)
+            self._timer.close()
 
     # -- questions ---------------------------------------------------------------------------------------
 
@@ -144,46 +145,37 @@ class ModelPort:
             ModelLostError: the same, outside.
         """
         if self._costs is not None:  # in one thread, where an alarm may come between any two lines
-            return self._asked(brief, method, arguments, in_loop=False)
-        in_loop = threading.current_thread() is threading.main_thread()
-        if not self._lock.acquire(timeout=self.longest_s if in_loop else -1):
-            raise ModelLostError(f"robot {self._name}: its model is asked by a check")
-        try:
-            return self._asked(brief, method, arguments, in_loop)
-        finally:
-            self._lock.release()
+            return self._asked(brief, method, arguments)
+        with self._lock:
+            check_awaited()
+            return self._asked(brief, method, arguments)
 
-    def _asked(self, brief: bool, method: str, arguments: Sequence[Any], in_loop: bool) -> Any:
+    def _asked(self, brief: bool, method: str, arguments: Sequence[Any]) -> Any:
         if self.state is not ModelState.READY and not self._look():
             if self.state is ModelState.FAILED and time.monotonic() - self._failed_s > PAUSE_S:
                 self._build()
             raise self._error("; it is being built again" if self.state is ModelState.BUILDS else "")
-        if in_loop and time.monotonic() < self._quiet_until_s:
-            raise self._error()
         self._link.request(RequestKind.ASK, ModelQuestion(brief, method, arguments).pack())
         longest_s = self.longest_s
         try:
-            answer = self._timer.wait(longest_s, longest_s if in_loop else max(LONGEST_S, WAITS * longest_s))
+            answer = self._timer.wait(longest_s, max(LONGEST_S, WAITS * longest_s))
         except UnansweredError as error:  # the alarm of the tick came first
             self._why, self._fault = str(error), Fault.MODEL_TOO_SLOW
             self._build()
             raise
-        if answer.body is not None:
-            return unpack_answer(answer.body)
-        raise self._failure(answer, in_loop)
+        if answer is not None:
+            return unpack_answer(answer)
+        raise self._failure()
 
-    def _failure(self, answer: TimedAnswer, in_loop: bool) -> BaseException:
+    def _failure(self) -> BaseException:
         """The error of a question without an answer, and what becomes of the process."""
-        ended = self._link.state is not ProcessState.RUNS or self._link.is_ending()
-        if ended:
+        if self._link.state is not ProcessState.RUNS or self._link.is_ending():
             self._note_end()
         else:
             self._why = f"its model did not answer within {self.longest_s * 1e3:.3g} ms"
             self._fault = Fault.MODEL_TOO_SLOW
         failure = self._error()  # no alarm interrupts what follows
-        if in_loop and not ended and answer.own_s < self.longest_s:  # its process waits for a processor
-            self._quiet_until_s = time.monotonic() + QUIET_S
-        elif self._costs is not None:
+        if self._costs is not None:
             self._build()
         else:  # a model that hangs may not hold the daemon most of the time
             self.state, self._failed_s = ModelState.FAILED, time.monotonic()

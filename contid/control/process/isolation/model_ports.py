@@ -34,13 +34,12 @@ def begin_ticks(models: Sequence[ModelPort], costs: TickCosts, rate_hz: float) -
 
 
 @contextmanager
-def models_beside(loaded: LoadedFile, held_s: float | None = None) -> Iterator[LoadedFile]:
+def models_beside(loaded: LoadedFile, longest_s: float | None = None) -> Iterator[LoadedFile]:
     """The robot file with every model of others in a process of its own, for what asks them beside a tick.
 
     Args:
         loaded: the robot file.
-        held_s: longest time for which the models together may hold who asks when none of them answers; None
-            for that of building each.
+        longest_s: longest answer of a model once it is built; None for that of building.
 
     Raises:
         ModelLostError: one cannot be built.
@@ -52,6 +51,6 @@ def models_beside(loaded: LoadedFile, held_s: float | None = None) -> Iterator[L
             stack.callback(port.close)
         for port in ports:
             port.finish_building()
-            if held_s is not None:
-                port.longest_s = held_s / len(ports)
+            if longest_s is not None:
+                port.longest_s = longest_s
         yield isolated

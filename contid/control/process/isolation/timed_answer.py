@@ -3,25 +3,13 @@
 from __future__ import annotations
 
 import time
-from typing import Final, NamedTuple
+from typing import Final
 
 from contid.control.process.isolation.link import KeptProcess, ProcessState
 from contid.control.process.isolation.process_time import ProcessTime
 
 #: Shortest wait while a process waits for a processor [s].
 _LEAST_S: Final = 2e-4
-
-
-class TimedAnswer(NamedTuple):
-    """An answer, or how long it was waited for.
-
-    Attributes:
-        body: of the answer, None without one.
-        own_s: time that passed without the time in which the process waited for a processor.
-    """
-
-    body: bytes | None
-    own_s: float
 
 
 class AnswerTimer:
@@ -35,8 +23,8 @@ class AnswerTimer:
         """No answer is waited for any more."""
         self._process.close()
 
-    def wait(self, own_s: float, most_s: float) -> TimedAnswer:
-        """The answer to the newest request.
+    def wait(self, own_s: float, most_s: float) -> bytes | None:
+        """The answer to the newest request, None without one.
 
         Args:
             own_s: longest time without that in which the process waits for a processor.
@@ -45,7 +33,7 @@ class AnswerTimer:
         link, began_s = self._link, time.monotonic()
         # Most answers come in half of the time: whether the process waits is not asked before.
         if (answer := link.answer(0.5 * own_s)) is not None:
-            return TimedAnswer(answer.body, 0.0)
+            return answer.body
         self._count_waiting()
         waited_s = 0.0
         while link.state is not ProcessState.ENDED:
@@ -54,9 +42,9 @@ class AnswerTimer:
             # This process may have waited for a processor too: an answer that is there by now is taken.
             answer = link.answer(max(left_s, _LEAST_S) if left_s > 0.0 else 0.0)
             if answer is not None or left_s <= 0.0:
-                return TimedAnswer(None if answer is None else answer.body, passed_s - waited_s)
+                return None if answer is None else answer.body
             waited_s += self._process.waited_s()
-        return TimedAnswer(None, 0.0)
+        return None
 
     def _count_waiting(self) -> None:
         if self._link.pid != self._process.pid:

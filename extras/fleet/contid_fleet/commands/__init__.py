@@ -166,14 +166,15 @@ def move(
     if (trajectory is None) == (not message):
         raise click.UsageError("give a point (COLUMN=VALUE...) or --trajectory, one of them")
     target = point(message) if trajectory is None else {}
-    columns, rows = ((), iter(())) if trajectory is None else columns_and_rows(trajectory)
+    followed = None if trajectory is None else columns_and_rows(trajectory)
     refused: list[str] = []
     with _operator(file) as operator, Client(FleetAddress(operator, node), name="fleet move") as client:
         client.acquire(lease, takeover=takeover)
-        if trajectory is None:
+        if followed is None:
             client.move(target)
         else:
-            refused = client.stream(columns, rows)
+            columns, rows = followed
+            refused = [rows.located(each) for each in client.stream(columns, rows)]
     if refused:
         raise ContidError("refused: " + "; ".join(refused))
 
