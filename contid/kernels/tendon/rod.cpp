@@ -1,5 +1,5 @@
-// contid.kernels._tendon_rod: the rod of extras/tendons/contid_tendons/rod.py. One object is for one thread: it holds the
-// memory of its solves. A solve takes tens of microseconds and holds the GIL.
+// contid.kernels._tendon_rod: the rod of extras/tendons/contid_tendons/rod.py. One object is for one thread: it holds
+// the memory of its solves. A solve takes tens of microseconds and holds the GIL.
 #include <nanobind/nanobind.h>
 
 #include "../arrays.hpp"
