@@ -30,10 +30,10 @@ from contid.control.process import ring
 from contid.control.process.ring_writer import RingWriter
 from contid.control.process.setup import RunSetup
 from contid.robot_file.load import find_robot_file, load_robot_file, with_mock
-from contid.session.info import summarize
 from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver
 from contid.trajectory.read import read_trajectory
+from contid_sessions.info import summarize
 
 FLAT = 1.05
 

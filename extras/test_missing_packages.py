@@ -12,6 +12,7 @@ import pytest
 
 from contid.errors import EXTRAS
 from contid.robot_file.load import load_named
+from contid.session.read import Session
 
 pytestmark = pytest.mark.process
 
@@ -92,13 +93,14 @@ def test_the_base_install_runs_robots(line: str, hidden: Path) -> None:
 def test_the_core_alone_runs_records_and_stops(core: Path) -> None:
     (core / "rows.csv").write_text("t_s,x_mm,y_mm\n0,50,75\n0.2,51,75\n")
     done = shell(
-        "contid check finger && contid check finger rows.csv && contid ik finger rows.csv"
-        " && contid run finger --virtual --trajectory rows.csv --record s.mcap && contid session info s.mcap"
-        " && contid --help",
+        "contid check finger && contid check finger rows.csv"
+        " && contid run finger --virtual --trajectory rows.csv --record s.mcap && contid --help",
         core,
     )
     assert done.returncode == 0, done.stderr
     assert "home" not in done.stdout.split("Usage")[1]
+    ticks = sum(entry.values is not None for entry in Session(core / "s.mcap").entries())
+    assert ticks > 100
     refused = shell("contid estop", core)
     assert refused.returncode == 2
     assert "daemon" in refused.stderr
@@ -120,7 +122,9 @@ def test_a_simulated_body_without_its_package_is_refused(core: Path) -> None:
     )
 
 
-@pytest.mark.parametrize("name", ["home", "fault", "schema", "shape", "replay", "doctor", "new"])
+@pytest.mark.parametrize(
+    "name", ["home", "fault", "schema", "shape", "replay", "doctor", "new", "ik", "session"]
+)
 def test_a_command_whose_package_is_missing_is_refused_with_the_remedy(name: str, core: Path) -> None:
     done = shell(f"contid {name} finger", core)
     assert done.returncode == 2

@@ -14,7 +14,6 @@ from contid.cli.support.streams import flush_stdout, open_closed_streams, print_
 from contid.cli.support.table import TableGroup
 from contid.errors import ContidError, missing_extra
 
-_KINEMATICS: Final = "contid.cli.commands.kinematics"
 _ORDERS: Final = "contid.cli.commands.orders"
 
 #: Command -> (module[:attribute], one line for ``contid --help``).
@@ -32,9 +31,6 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "recover": (f"{_ORDERS}:recover", "move robots outside their limits inside, slowly"),
     "clear-fault": (f"{_ORDERS}:clear_fault", "re-check all devices and leave FAULT; never moves"),
     "check": ("contid.cli.commands.check", "validate a robot file, or a trajectory for it; moves nothing"),
-    "fk": (f"{_KINEMATICS}:fk", "actuation rows to tip positions"),
-    "ik": (f"{_KINEMATICS}:ik", "target rows to actuation"),
-    "session": ("contid.cli.commands.session", "a recording: summary, check, export, repair"),
 }
 
 #: Headings of ``contid --help``; commands of extras stand here where they serve the same purpose.

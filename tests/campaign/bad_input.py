@@ -26,7 +26,6 @@ from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 from contid.remote.protocol.wire import RequestFields, decode, is_estop
 from contid.robot_file.load import configs_folder, load_robot_file, parse_robot_file, with_mock
-from contid.session.info import summarize
 from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver
 from contid.trajectory.read import read_trajectory
@@ -39,6 +38,7 @@ from contid_drivers.dynamixel import packets
 from contid_drivers.dynamixel.exchange.block import INDIRECT, PLAIN
 from contid_drivers.dynamixel.exchange.fast_answer import FastAnswer
 from contid_sessions.csv_files import export_joined
+from contid_sessions.info import summarize
 from contid_sessions.replay.replay import replay
 from tests.campaign import siege
 from tests.campaign.corpus import stored

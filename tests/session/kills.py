@@ -20,9 +20,9 @@ import psutil
 
 from contid.control.process.ring import RingError
 from contid.control.process.ring_reader import RingReader
-from contid.session.info import summarize
 from contid.session.read import Session
 from contid_sessions.compact import compact
+from contid_sessions.info import summarize
 from contid_sessions.replay.replay import replay
 from tests.support.fingers import circle_csv, fingers
 

@@ -23,10 +23,10 @@ from contid.session.format.channels import CHANNELS, EVENT
 from contid.session.format.entries import DAMAGED
 from contid.session.format.metadata import decode_trajectory, encode_trajectory, trajectory_metadata
 from contid.session.format.record_stream import RecordStream
-from contid.session.info import summarize
 from contid.session.read import Session
 from contid.trajectory.rows import MAX_ROWS
 from contid_sessions.compact import compact, repair
+from contid_sessions.info import summarize
 from contid_sessions.replay.replay import replay
 from tests.support.fingers import circle, load
 

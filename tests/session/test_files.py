@@ -20,11 +20,11 @@ from contid.control.process.setup import RunSetup
 from contid.errors import ContidError, SessionError
 from contid.session.format.channels import CHANNELS, EVENT, MEASURED, TICK_CHANNELS
 from contid.session.format.metadata import describe
-from contid.session.info import summarize
 from contid.session.read import Session
 from contid.session.write import SessionWriter
 from contid_sessions.compact import compact, repair
 from contid_sessions.csv_files import export_channels, export_joined
+from contid_sessions.info import summarize
 from contid_sessions.replay.replay import replay
 from tests.session.rewrite import rewritten
 from tests.support.fingers import load

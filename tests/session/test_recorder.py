@@ -21,10 +21,10 @@ from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 from contid.session.format.header import RecorderJob
 from contid.session.format.metadata import describe
-from contid.session.info import summarize
 from contid.session.mcap_recorder import McapRecorder
 from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver
+from contid_sessions.info import summarize
 from contid_sessions.replay.replay import replay
 from tests.session.kills import VICTIMS, kill_one
 from tests.support.command import contid

@@ -12,9 +12,9 @@ import pytest
 from contid.control.engine.events.buses import TicksSkipped
 from contid.control.engine.tick_layout import DEADLINE, SKIPPED, TICK
 from contid.session.format.entries import Entry
-from contid.session.info import summarize
 from contid.session.read import Session
 from contid_sessions.csv_files import export_channels, export_joined
+from contid_sessions.info import summarize
 from tests.session.runs import RUNS
 
 #: The run waits here for as many periods, as while servos are armed.

@@ -16,13 +16,13 @@ from typing import Any, Generic, TextIO, TypeAlias, TypeVar
 import click
 import numpy as np
 
-from contid.cli.support.row_blocks import RowBlock, blocks_of, joined, line_blocks
 from contid.errors import BadInputError, Located
 from contid.kinematics.array import Array
 from contid.robot_file.load import LoadedFile
 from contid.trajectory.columns import RobotColumns
 from contid.trajectory.lines import HeaderSearch
 from contid.trajectory.rows import RowReader
+from contid_paths.row_blocks import RowBlock, blocks_of, joined, line_blocks
 
 #: Columns of a result: numbers ``(rows, columns)``, or a tuple of other values for each row.
 CellBlock: TypeAlias = Array | Sequence[tuple[bool | int | str, ...]]

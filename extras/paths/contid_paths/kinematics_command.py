@@ -21,9 +21,9 @@ def fk(robot_file: str, rows: str | None, pose: bool, frame: bool, bends: bool, 
     out. Positions are in the world frame of the robot file. The output is what ``contid ik`` reads;
     ``contid ik --bare`` writes what this reads.
     """
-    from contid.cli.support.rows import convert_rows
-    from contid.cli.support.solved_rows import ArcRows, ForwardRows
     from contid.robot_file.load import load_named
+    from contid_paths.converted_rows import convert_rows
+    from contid_paths.solved_rows import ArcRows, ForwardRows
 
     loaded = load_named(robot_file)
     robots = loaded.driven
@@ -55,9 +55,9 @@ def ik(robot_file: str, rows: str | None, bare: bool, as_json: bool) -> None:
     iterations; a target out of reach gives the best actuation inside the limits, with
     converged=false. The solution of each row is the start of the next.
     """
-    from contid.cli.support.rows import convert_rows
-    from contid.cli.support.solved_rows import InverseRows
     from contid.robot_file.load import load_named
+    from contid_paths.converted_rows import convert_rows
+    from contid_paths.solved_rows import InverseRows
 
     loaded = load_named(robot_file)
     answers = {name: InverseRows(name, robot, bare) for name, robot in loaded.driven.items()}

@@ -10,7 +10,6 @@ import numpy as np
 
 from contid.api.placed import PlacedRows
 from contid.api.units import Units
-from contid.cli.support.rows import CellBlock, RobotRows
 from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.kinematics.batch import Table, Targets, forward_many, inverse_many
@@ -21,6 +20,7 @@ from contid.targets import Solution
 from contid.trajectory.arc_columns import arc_names, arc_values
 from contid.trajectory.columns import RobotColumns
 from contid.units import MM_PER_M, m_to_mm
+from contid_paths.converted_rows import CellBlock, RobotRows
 
 _FILE_UNITS: Final = Units()
 

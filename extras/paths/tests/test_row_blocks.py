@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from contid.cli.commands.kinematics import fk, ik
-from contid.cli.support import row_blocks
+from contid_paths import row_blocks
+from contid_paths.kinematics_command import fk, ik
 from tests.support.command import contid
 
 LOAD = ",load.fx_n,load.fy_n,load.fz_n"

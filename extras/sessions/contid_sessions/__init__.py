@@ -11,6 +11,7 @@ COMMANDS: Final = {
         "contid_sessions.replay.command",
         "run a recording through today's code and compare every command",
     ),
+    "session": ("contid_sessions.group", "a recording: summary, check, export, repair"),
     "session check": (
         "contid_sessions.check_command",
         "the motion against the rules, from records alone",

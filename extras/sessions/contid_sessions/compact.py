@@ -137,8 +137,8 @@ def repair(source: Path, output: Path | None, progress: Callable[[int], None] = 
         ContidError: it is still being recorded; it is damaged inside and ``output`` is None; ``output``
             exists or cannot be written.
     """
-    from contid.session.info import summarize  # with numpy, which the recorder does without
     from contid.session.read import Session
+    from contid_sessions.info import summarize  # with numpy, which the recorder does without
 
     session = Session(source, progress)
     before = summarize(session)

@@ -15,7 +15,7 @@ from contid.cli.support.table import TableGroup
 
 #: Command -> (module:attribute, one line for ``contid session --help``).
 SESSIONS: Final[dict[str, tuple[str, str]]] = {
-    "info": ("contid.cli.commands.session:info", "duration, ticks, robots, faults, events, versions"),
+    "info": ("contid_sessions.group:info", "duration, ticks, robots, faults, events, versions"),
 }
 
 command = TableGroup(
@@ -28,8 +28,8 @@ command = TableGroup(
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
 def info(session_file: str, as_json: bool) -> None:
     """Print duration, ticks, robots, faults, events, versions."""
-    from contid.session.info import summarize
     from contid.session.read import Session
+    from contid_sessions.info import summarize
 
     with counting("ticks read") as count:
         summary = summarize(Session(Path(session_file), count))

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from contid import Session, Sim
 from contid.errors import SessionError
-from contid.session.info import summarize
+from contid_sessions.info import summarize
 from contid_sessions.list_command import command
 from contid_sessions.listing import ListedRecording, listed, recordings_in
 

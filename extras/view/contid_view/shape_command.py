@@ -52,9 +52,9 @@ def command(
     --from-poses it holds measured tips and directions: the shape is a Pythagorean-hodograph quintic,
     independent of the model. Rows are counted from 1.
     """
-    from contid.cli.support.rows import located_at, open_rows
     from contid.robot_file.load import load_named
     from contid.units import MM_PER_M
+    from contid_paths.converted_rows import located_at, open_rows
     from contid_ropes.body_shape import of_rope
     from contid_ropes.file_chains import FileChains
 
@@ -169,10 +169,10 @@ def _read_rows(
     """
     from itertools import chain
 
-    from contid.cli.support.rows import name_of, no_rows
     from contid.errors import Located
     from contid.trajectory.lines import lines_from_header, numbered_lines
     from contid.trajectory.rows import RowReader
+    from contid_paths.converted_rows import name_of, no_rows
 
     name = name_of(source)
     rows = lines_from_header(numbered_lines(source))

@@ -17,8 +17,8 @@ from contid.control.engine.tick_layout import AXIS, ROBOT, SOURCE_TIME, TICK, Re
 from contid.control.tick.faults import Fault
 from contid.control.tick.supervisor import Mode
 from contid.session.format.channels import SI
-from contid.session.info import name_of
 from contid.units import DEG
+from contid_sessions.info import name_of
 
 _PER_SI: Final = {"m": 1e3, "pa": 1e-5, "rad": 1.0 / DEG}
 _UNITS: Final = {"_m": "m", "_n": "n"}
