@@ -1,8 +1,9 @@
 // Bounds of the distance of two swept curves, by branch and bound. Units: m.
 //
-// A node is a range of samples of a body, bounded by its chord and an allowance (extras/clearance/contid_clearance/body.py). Pairs of
-// nodes whose lower bound exceeds the best upper bound are dropped, the others are halved down to single pieces. The
-// result holds for the curves between the samples, not only for the samples.
+// A node is a range of samples of a body, bounded by its chord and an allowance
+// (extras/clearance/contid_clearance/body.py). Pairs of nodes whose lower bound exceeds the best upper bound are
+// dropped, the others are halved down to single pieces. The result holds for the curves between the samples, not only
+// for the samples.
 #pragma once
 
 #include <algorithm>

@@ -1,5 +1,6 @@
 // Bounds of the distance of a swept curve from a convex obstacle: along a curve it changes at most as fast as the arc
-// length, and along a chord it is convex. The obstacles are those of extras/clearance/contid_clearance/obstacles.py. Units: m.
+// length, and along a chord it is convex. The obstacles are those of extras/clearance/contid_clearance/obstacles.py.
+// Units: m.
 #pragma once
 
 #include "bodies.hpp"
