@@ -29,7 +29,8 @@ from contid.kinematics.array import Array
 from contid_identify.answer import CommandedTrace
 from contid_identify.chambers.fit import fit_chamber_motion
 from contid_identify.chambers.motion import ChamberArm
-from contid_identify.tip_motion_fit import LoadedTrace, fit_tip_motion
+from contid_identify.tip_fit.trace_rows import LoadedTrace
+from contid_identify.tip_motion_fit import fit_tip_motion
 from studies.moving.recordings import _late, columns, kernel_ridge, ridge, table
 
 PERIOD_S: Final = 0.05

@@ -33,8 +33,9 @@ from contid_identify.answer import CommandedTrace
 from contid_identify.moved_on import payload_of, recover
 from contid_identify.printed import motion_lines
 from contid_identify.sections.bent import ArmSections
+from contid_identify.tip_fit.trace_rows import LoadedTrace, Statics
 from contid_identify.tip_motion import AheadError, TipMotion
-from contid_identify.tip_motion_fit import LoadedTrace, Statics, fit_tip_motion
+from contid_identify.tip_motion_fit import fit_tip_motion
 from studies.moving.recordings import (
     DATA,
     LAGS_S,

@@ -25,8 +25,9 @@ from contid_identify.recording import RobotRecording
 from contid_identify.ring_down import RingDown, decays_of, fit_ring_downs
 from contid_identify.sections.fit import sections_of
 from contid_identify.tip_answer import LEAST_TIPS, TipAnswer, fit_tip
+from contid_identify.tip_fit.trace_rows import LoadedTrace
 from contid_identify.tip_motion import TipMotion
-from contid_identify.tip_motion_fit import LoadedTrace, fit_tip_motion
+from contid_identify.tip_motion_fit import fit_tip_motion
 
 
 @dataclass(frozen=True, slots=True)

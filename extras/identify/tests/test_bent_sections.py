@@ -18,9 +18,10 @@ from contid_identify.printed import motion_lines
 from contid_identify.sections.bent import ArmSections
 from contid_identify.sections.fit import LoadedInputs, fit_bent, sections_of, start_of, tips_of
 from contid_identify.stages import tip_motion
+from contid_identify.tip_fit.trace_rows import LoadedTrace
 from contid_identify.tip_motion import TipMotion
 from contid_identify.tip_motion_file import read_tip_motion, write_tip_motion
-from contid_identify.tip_motion_fit import LoadedTrace, fit_tip_motion
+from contid_identify.tip_motion_fit import fit_tip_motion
 
 PERIOD_S = 0.02
 CONFIGS = Path(__file__).parents[3] / "configs"

@@ -15,9 +15,10 @@ from contid_identify.answer import CommandedTrace
 from contid_identify.moved_on import payload_of, recover
 from contid_identify.prediction import lines, predicted
 from contid_identify.printed import motion_lines
+from contid_identify.tip_fit.trace_rows import LoadedTrace
 from contid_identify.tip_motion import AheadError, TipMotion
 from contid_identify.tip_motion_file import read_tip_motion, write_tip_motion
-from contid_identify.tip_motion_fit import LoadedTrace, fit_tip_motion
+from contid_identify.tip_motion_fit import fit_tip_motion
 
 pytestmark = pytest.mark.slow
 
