@@ -19,6 +19,7 @@ contid imports no extra: the metadata of a distribution names what it adds, and 
 | ``contid.library`` | names of ``contid`` and its client beside those of the core: ``Sim`` and others |
 | ``contid.contacts`` | ``stage`` and ``squeeze`` of the extra `contact`, see its page |
 | ``contid.recordings`` | ``compact``, ``data_frame`` and others of the extra `sessions`, see its page |
+| ``contid.stretches`` | ``least``: of `contid run --stretch`, see `contid_paths.stretch.least_stretch` |
 | ``contid.addresses`` | a function from a text ``NAME:...`` to a `contid.remote.client.wires.Address` |
 
 Drivers (``contid.drivers``), bodies of simulated robots (``contid.bodies``), models
@@ -44,6 +45,7 @@ WORKSPACES: Final = "contid.workspaces"
 ADDRESSES: Final = "contid.addresses"
 LIBRARY: Final = "contid.library"
 RECORDINGS: Final = "contid.recordings"
+STRETCHES: Final = "contid.stretches"
 CONTACTS: Final = "contid.contacts"
 CHAINS: Final = "contid.chains"
 SOLVERS: Final = "contid.solvers"

@@ -123,6 +123,25 @@ def test_a_simulated_body_without_its_package_is_refused(core: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("line", "package"),
+    [
+        ("contid check finger --budget", "contid check --budget needs the package contid_sessions"),
+        (
+            "contid run finger --virtual --stretch --trajectory fast.csv",
+            "--stretch needs the package contid_paths",
+        ),
+    ],
+)
+def test_an_option_whose_package_is_missing_is_refused_with_the_remedy(
+    line: str, package: str, core: Path
+) -> None:
+    (core / "fast.csv").write_text("t_s,left_mm,right_mm\n0,60,60\n0.2,60,60\n0.25,75,60\n0.3,60,60\n")
+    done = shell(line, core)
+    assert done.returncode == 2
+    assert f"{package}, which is not installed; `pip install contid` installs it" in done.stderr
+
+
+@pytest.mark.parametrize(
     "name", ["home", "fault", "schema", "shape", "replay", "doctor", "new", "ik", "session"]
 )
 def test_a_command_whose_package_is_missing_is_refused_with_the_remedy(name: str, core: Path) -> None:

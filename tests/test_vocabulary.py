@@ -123,7 +123,7 @@ REFERENCE = re.compile(rf"`((?:contid|contid_drivers|{EXTRAS}|studies)(?:\.\w+)+
 # Names like modules: groups of entry points, and compiled kernels.
 GROUPS = (
     "addresses|bodies|chains|checks|clearance|commands|contacts|drivers|emulators|exports|goals|library|models|"
-    "modes|observers|recordings|solvers|stages|tools|workspaces"
+    "modes|observers|recordings|solvers|stages|stretches|tools|workspaces"
 )
 NOT_MODULES = re.compile(rf"contid\.({GROUPS}|kernels\._\w+)")
 

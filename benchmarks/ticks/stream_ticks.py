@@ -1,8 +1,8 @@
 """Ticks of shipped robots on a live stream: ``python -m benchmarks.ticks.stream_ticks [LOOKS] [ROBOT ...]``.
 
 Processor time of the tick of the robots of a file, without their buses [us], over 2 s of a timed path and the
-first 2 s of a live stream of the same motion at 50 rows/s (`contid.control.daemon.tick_times`). Of each tick
-the shortest of some looks counts: it does the same in each, and neighbours on the machine only add to it.
+first 2 s of a live stream of the same motion at 50 rows/s (`contid.control.daemon.measured_run`). Of each
+tick the shortest of some looks counts: it does the same in each, and other programs only add to it.
 """
 
 from __future__ import annotations
@@ -12,12 +12,25 @@ from pathlib import Path
 from statistics import mean, median
 from typing import Final
 
-from contid.control.daemon.tick_times import robot_times
-from contid.robot_file.load import load_named
+from contid.control.daemon.measured_run import measured_run
+from contid.robot_file.load import LoadedFile, load_named
 
 #: Robot time of a look, and of its parts [s].
 LOOK_S: Final = 2.0
 PART_S: Final = 0.5
+
+
+def robot_times(loaded: LoadedFile, virtual_s: float, motion: str, longest_s: float) -> list[float]:
+    """Time of the processor that the robots of a file take in each tick of a motion, from its first on [s].
+
+    Args:
+        loaded: the robot file; its devices are simulated, at its own rate.
+        virtual_s: robot time of the motion.
+        motion: of `contid.control.daemon.measured_run.MOTIONS`.
+        longest_s: time of measuring.
+    """
+    with measured_run(loaded, loaded.file.rate_hz, longest_s) as measured:
+        return [sum(each.robots_s) for each in measured.ticks(motion, virtual_s)]
 
 
 def shortest(name: str, motion: str, looks: int) -> list[float]:

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from typing import TYPE_CHECKING, Any
 
 import click
 
 from contid.cli.support.parameters import robot_names
-
-if TYPE_CHECKING:
-    from contid.control.daemon.budget import Budget
-    from contid.robot_file.load import LoadedFile
+from contid.entry_points import RECORDINGS, required
 
 
 @click.command()
@@ -73,15 +69,12 @@ def command(robot_file: str, trajectory: str | None, budget: bool, as_json: bool
         for name, robot in loaded.file.robots.items()
         if not robot.passive
     }
-    measured = size = None
+    measured = None
     if budget:
-        measured, size = _measured(loaded)
+        measured = required(RECORDINGS, "budget_report", "contid check --budget", "sessions")(loaded)
     refusal = "" if measured is None else measured.refusal()
     if as_json:
-        costs = {}
-        if measured is not None and size is not None:
-            sizes = {"recording_bytes_per_hour": dataclasses.asdict(size)}
-            costs["budget"] = {**measured.as_dict(), **sizes}
+        costs = {} if measured is None else {"budget": measured.as_dict()}
         click.echo(json.dumps({**report, "columns": columns, "kernels": build, **costs}))
         raise SystemExit(2 if refusal else 0)
     from contid.cli.support.check_table import print_report
@@ -92,23 +85,6 @@ def command(robot_file: str, trajectory: str | None, budget: bool, as_json: bool
             click.echo(f"{finding.subject}: {finding.message}; {finding.remedy}")
     click.echo(f"kernels: {build}")
     if measured is not None:
-        click.echo("\n".join([*measured.lines(), str(size)]))
+        click.echo("\n".join(measured.lines()))
     if refusal:
         raise ContidError(f"{loaded.path}: {refusal}")
-
-
-def _measured(loaded: LoadedFile) -> tuple[Budget, Any]:
-    """What a tick of a file costs, and how large its recordings are."""
-    from contid.control.daemon.tick_times import measure_budget
-    from contid.entry_points import RECORDINGS, required
-
-    found: list[Budget] = []
-    rate_hz = loaded.file.rate_hz
-    size = required(RECORDINGS, "predicted_size", "contid check --budget", "sessions")(
-        loaded,
-        rate_hz,
-        lambda sink: found.append(
-            measure_budget(loaded, rate_hz, virtual_s=2.0, longest_s=1.0, records=sink)
-        ),
-    )
-    return found[0], size

@@ -8,9 +8,9 @@ threads of several buses.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 #: Share of the period, less the time on the slowest wire, that a tick may take.
 ALLOWED: Final = 0.8
@@ -64,45 +64,6 @@ class Budget:
         """Highest rate that fits."""
         rate_hz = 1.0 / (self.work_s / ALLOWED + max(self.wires_s.values(), default=0.0))
         return float(math.floor(rate_hz)) if rate_hz >= 10.0 else math.floor(rate_hz * 100.0) / 100.0
-
-    def lines(self) -> Iterator[str]:
-        """For a person: what every robot and bus takes of a period."""
-        period_s = 1.0 / self.rate_hz
-
-        def share(took_s: float) -> str:
-            return f"{100.0 * took_s * self.rate_hz:.1f} % of {1e3 * period_s:.3g} ms"
-
-        motions = " / ".join(cost.motion for cost in self.costs)
-        yield f"budget of a tick, processor time in {motions}:"
-        for name in self.costs[0].robots_s:
-            yield f"  robot {name}: {' / '.join(share(cost.robots_s[name]) for cost in self.costs)}"
-        for name in self.costs[0].buses_s:
-            if name in self.own:
-                shares = " / ".join(share(cost.buses_s[name]) for cost in self.costs)
-                yield f"  bus {name}: {shares}, simulated devices"
-            elif name in self.wires_s:
-                yield f"  bus {name}: {share(self.wires_s[name])} at least on its wire"
-            else:
-                yield f"  bus {name}: not known before it runs"
-        yield f"  all: {' / '.join(share(cost.work_s(self.own)) for cost in self.costs)}"
-        yield f"  highest rate that fits: {self.highest_rate_hz:g} Hz"
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON; times in seconds."""
-        return {
-            "rate_hz": self.rate_hz,
-            "highest_rate_hz": self.highest_rate_hz,
-            "wires_s": dict(self.wires_s),
-            "motions": {
-                cost.motion: {
-                    "tick_s": cost.work_s(self.own),
-                    "robots_s": dict(cost.robots_s),
-                    "buses_s": {name: cost.buses_s[name] for name in cost.buses_s if name in self.own},
-                    "rest_s": cost.rest_s,
-                }
-                for cost in self.costs
-            },
-        }
 
     def refusal(self) -> str:
         """Why a run is refused; empty when it fits."""

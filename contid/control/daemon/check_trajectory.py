@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sys
 from contextlib import closing
-from dataclasses import dataclass
-from typing import TextIO
+from dataclasses import dataclass, replace
+from typing import Final, TextIO
+
+import numpy as np
 
 from contid.control.daemon.cancellable_reader import CancellableReader
 from contid.control.daemon.inputs import Stream, read_file, read_stdin
-from contid.control.daemon.stretch import with_remedy
 from contid.control.daemon.terminal import check_progress, print_message
 from contid.control.engine.wiring import build_preflight
 from contid.control.tick.preflight.rows import TooFastError, Unreachable
@@ -18,6 +19,9 @@ from contid.robot_file.load import LoadedFile, load_named
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
 from contid.trajectory.turns import whole_turns
+
+#: Share of rows that repeat the one before, from which on a tracker seems to have held its samples.
+_HELD: Final = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +65,18 @@ def check_trajectory(robot_file: str, trajectory: str, text: TextIO | None = Non
         raise with_remedy(error, source) from error
     moved = tuple(name for name in loaded.driven if name in source.targets_of_row(0))
     return AcceptedTrajectory(loaded.file.name, len(source), source.end_s - source.start_s, moved)
+
+
+def with_remedy(refused: TooFastError, trajectory: Trajectory) -> TooFastError:
+    """The same error; its last finding names the option, or what smooths samples that a tracker held."""
+    *others, last = refused.findings
+    message = f"{last.message}, or contid run --stretch"
+    changes = np.delete(np.diff(trajectory.rows, axis=0), trajectory.layout.time or 0, axis=1)
+    repeated = int(np.count_nonzero(~np.any(changes, axis=1)))
+    if repeated > _HELD * len(trajectory):
+        what = f"{repeated} of {len(trajectory)} rows repeat the one before, as held samples do"
+        message += f"; {what}: contid adapt smooths them (smooth_mm)"
+    return TooFastError([*others, replace(last, message=message)], refused.slowdown)
 
 
 def check_rows(loaded: LoadedFile, source: Trajectory, name: str) -> None:

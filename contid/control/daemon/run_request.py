@@ -10,15 +10,16 @@ from pathlib import Path
 
 from contid import kernels
 from contid.control.daemon.cancellable_reader import CancellableReader
+from contid.control.daemon.check_trajectory import with_remedy
 from contid.control.daemon.inputs import Stream, has_input, read_file, read_stdin
 from contid.control.daemon.interfaces import CommandSource, RunObserver
 from contid.control.daemon.pending_input import PendingInput
-from contid.control.daemon.stretch import stretch, with_remedy
 from contid.control.daemon.terminal import check_progress, print_message
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.wiring import build_preflight
 from contid.control.process.other_devices import with_other_devices
 from contid.control.tick.preflight.rows import Preflight, TooFastError, Unreachable
+from contid.entry_points import STRETCHES, required
 from contid.errors import ContidError
 from contid.robot_file.document import MAX_RATE_HZ
 from contid.robot_file.load import LoadedFile, load_named, with_mock
@@ -148,7 +149,9 @@ def _checked(
     except TooFastError as error:
         if not request.stretch:
             raise with_remedy(error, source) from error
-        slower, factor = stretch(source, preflight, error, reader.check)
+        least = required(STRETCHES, "least", "--stretch", "paths")
+        factor: float = least(source, preflight, error, reader.check)
+        slower = source.stretched(factor)
         if request.log_level <= logging.INFO:
             before_s, now_s = (each.end_s - each.start_s for each in (source, slower))
             print_message(f"too fast: stretched {factor:.4g} times, from {before_s:.4g} s to {now_s:.4g} s")

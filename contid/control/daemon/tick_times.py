@@ -73,19 +73,6 @@ def _cost(measured: MeasuredRun, motion: str, virtual_s: float) -> TickCost:
     return TickCost(motion, robots, buses, max(rest_s, 0.0))
 
 
-def robot_times(loaded: LoadedFile, virtual_s: float, motion: str, longest_s: float) -> list[float]:
-    """Time of the processor that the robots of a file take in each tick of a motion, from its first on [s].
-
-    Args:
-        loaded: the robot file; its devices are simulated, at its own rate.
-        virtual_s: robot time of the motion.
-        motion: of `MOTIONS`.
-        longest_s: time of measuring.
-    """
-    with measured_run(loaded, loaded.file.rate_hz, longest_s) as measured:
-        return [sum(each.robots_s) for each in measured.ticks(motion, virtual_s)]
-
-
 def check_budget(loaded: LoadedFile, rate_hz: float, motion: str) -> None:
     """Refuse a run whose ticks do not fit, before anything is opened.
 

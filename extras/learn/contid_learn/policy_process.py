@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from contid.control.daemon.beside import process_beside
 from contid.control.daemon.spawn import module_command
 from contid_learn.drive import load_drive
+from contid_library.process_beside import process_beside
 
 
 class PolicyProcess:

@@ -24,8 +24,8 @@ def panel_process(socket: Path, opens: bool, demonstrates: bool) -> Iterator[Non
         opens: a browser is opened.
         demonstrates: the input of the run is a demonstration; pages take over without a question.
     """
-    from contid.control.daemon.beside import process_beside
     from contid.control.daemon.spawn import module_command
+    from contid_library.process_beside import process_beside
 
     command = module_command("contid", "panel", "--socket", str(socket), "--wait")
     with process_beside(command + ["--open"] * opens + ["--demo"] * demonstrates, subprocess.DEVNULL):

@@ -9,10 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Final
-
-import numpy as np
 
 from contid.control.tick.preflight.rows import Preflight, TooFastError
 from contid.trajectory.timed import Trajectory
@@ -21,26 +18,12 @@ from contid.trajectory.timed import Trajectory
 ACCURACY: Final = 1.01
 #: No trajectory is slowed down further.
 MAX_SLOWDOWN: Final = 1e4
-#: Share of rows that repeat the one before, from which on a tracker seems to have held its samples.
-_HELD: Final = 0.25
 
 
-def with_remedy(refused: TooFastError, trajectory: Trajectory) -> TooFastError:
-    """The same error; its last finding names the option, or what smooths samples that a tracker held."""
-    *others, last = refused.findings
-    message = f"{last.message}, or contid run --stretch"
-    changes = np.delete(np.diff(trajectory.rows, axis=0), trajectory.layout.time or 0, axis=1)
-    repeated = int(np.count_nonzero(~np.any(changes, axis=1)))
-    if repeated > _HELD * len(trajectory):
-        what = f"{repeated} of {len(trajectory)} rows repeat the one before, as held samples do"
-        message += f"; {what}: contid adapt smooths them (smooth_mm)"
-    return TooFastError([*others, replace(last, message=message)], refused.slowdown)
-
-
-def stretch(
+def least_stretch(
     trajectory: Trajectory, preflight: Preflight, refused: TooFastError, cancelled: Callable[[], None]
-) -> tuple[Trajectory, float]:
-    """The trajectory with the least uniform slowdown, and its factor.
+) -> float:
+    """The factor of the least uniform slowdown of a trajectory.
 
     Args:
         trajectory: within reach, but too fast.
@@ -65,4 +48,4 @@ def stretch(
     while enough > ACCURACY * too_fast:
         between = math.sqrt(too_fast * enough)
         too_fast, enough = (too_fast, between) if followed(between) else (between, enough)
-    return trajectory.stretched(enough), enough
+    return enough

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import pytest
 
-from contid.control.daemon.tick_times import robot_times
+from benchmarks.ticks.stream_ticks import robot_times
 from contid.robot_file.load import load_named
 
 #: Greatest ratio, robot time of a look and of its parts [s], and how often it is looked at least and at most.

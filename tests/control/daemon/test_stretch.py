@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contid.control.daemon.stretch import ACCURACY, stretch
 from contid.control.engine.wiring import build_preflight
 from contid.control.tick.preflight.rows import TooFastError, Unreachable
 from contid.robot_file.load import load_named
 from contid.session.read import Session
 from contid.trajectory.read import read_trajectory
+from contid_paths.stretch import ACCURACY, least_stretch
 from contid_sessions.check import check_session
 from tests.support.command import contid_in
 
@@ -49,7 +49,8 @@ def least_slowdown(text: str) -> float:
     assert preflight is not None
     with pytest.raises(TooFastError) as refused:
         preflight.trajectory(trajectory, "t.csv")
-    slower, factor = stretch(trajectory, preflight, refused.value, lambda: None)
+    factor = least_stretch(trajectory, preflight, refused.value, lambda: None)
+    slower = trajectory.stretched(factor)
     assert slower.end_s == pytest.approx(factor * trajectory.end_s)
     build = build_preflight(FINGER, 200.0, Unreachable.REFUSE)
     assert build is not None
