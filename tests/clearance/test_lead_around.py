@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from contid import Robot, Sim
-from contid.control.engine import wiring
-from contid.control.engine.wiring import build_preflight
+from contid.control.engine.wiring import build_preflight, build_robot_configs
 from contid.control.tick.preflight.rows import Unreachable
 from contid.errors import BadInputError
 from contid.kinematics.frames import BaseFrame
@@ -17,6 +16,7 @@ from contid.robot_file.base import BasePose
 from contid.robot_file.load import parse_robot_file
 from contid.targets import Target
 from contid.trajectory.read import read_trajectory
+from contid_clearance import file_clearance
 from contid_clearance.lead import in_base
 from contid_clearance.obstacles import Box, Capsule, Plane
 from tests.clearance.around import some_obstacles
@@ -47,7 +47,7 @@ def check(radius_mm):
 @pytest.mark.slow
 def test_a_trajectory_that_would_touch_is_led_around_by_the_free_axes(monkeypatch):
     check(30)
-    monkeypatch.setattr(wiring, "lead_around", lambda *_: None)
+    monkeypatch.setattr(file_clearance, "lead_around", lambda *_: None)
     with pytest.raises(BadInputError, match=r"arm at \d+ mm of its length comes within 4\.\d+ mm of ball"):
         check(30)
 
@@ -109,7 +109,7 @@ def test_tendon_robots_bend_around_a_ball_beside_their_body():
     met = touching = 0
     for angle in np.linspace(0.0, 2 * np.pi, 12, endpoint=False):
         tip = (0.1 * math.cos(angle), 0.1 * math.sin(angle), 0.26)
-        (before,) = wiring.build_robot_configs(parse_robot_file(source, "t.yaml"), 100.0)
+        (before,) = build_robot_configs(parse_robot_file(source, "t.yaml"), 100.0)
         plain = before.model.inverse(Target(tip_m=tip), before.rest)
         body = before.model.shape(plain.actuation, 301)
         aside = np.array([-math.sin(angle), math.cos(angle), 0.0])
@@ -118,7 +118,7 @@ def test_tendon_robots_bend_around_a_ball_beside_their_body():
         clearance = (
             f"clearance:\n  margin_mm: 2\n  bodies: {{arm: {{radius_mm: 8}}}}\n  obstacles:\n    {ball}\n"
         )
-        (config,) = wiring.build_robot_configs(parse_robot_file(source + "\n" + clearance, "t.yaml"), 100.0)
+        (config,) = build_robot_configs(parse_robot_file(source + "\n" + clearance, "t.yaml"), 100.0)
         found = config.model.inverse(Target(tip_m=tip), config.rest)
         touching += np.linalg.norm(body - center, axis=1).min() - 0.016 < 0.002
         around = config.model.shape(found.actuation, 301)

@@ -65,11 +65,12 @@ class ParentWatch:
     """Detects the end of the daemon by its pipe and by the parent-death signal.
 
     Attributes:
-        running: the engine runs and stops the robots when the daemon is gone.
+        opens: buses are opened, and nothing is armed. Before, `parent_gone` is looked at; later the engine
+            stops the robots when the daemon is gone.
     """
 
     def __init__(self, inbox: Inbox) -> None:
-        self.running = False
+        self.opens = False
         self._inbox = inbox
         self._signalled = False
 
@@ -81,7 +82,8 @@ class ParentWatch:
     def signalled(self, _signal: int, _frame: FrameType | None) -> None:
         """Handler of the parent-death signal."""
         self._signalled = True
-        if not self.running:
+        if self.opens:
+            self.opens = False
             raise DaemonGoneError  # stop waiting for a bus to open
 
 
@@ -204,6 +206,9 @@ def _serve(
     """Open the buses, run, close them."""
     ports: dict[str, BusPort] = {**isolated}
     try:
+        parent_watch.opens = True
+        if parent_watch.parent_gone:
+            return 0
         for each in isolated.values():
             each.begin_opening()
         buses = open_buses(setup.loaded, RealClock())
@@ -223,7 +228,7 @@ def _serve(
             for name, bus in buses.items()
         }
         process = ControlProcess(setup, inbox, parent_watch, ring, ports, models, logs)
-        parent_watch.running = True  # first: a run that has started ends with its report
+        parent_watch.opens = False  # first: a run that has started ends with its report
         ring.event(RunStarted(realtime=not why_not, message=why_not))
         disable_gc()
         try:
@@ -242,6 +247,7 @@ def _serve(
         ring.event(RunFailed(message=str(error), exit_code=error.exit_code))
         return error.exit_code
     finally:
+        parent_watch.opens = False
         for name, port in ports.items():
             with _logged(name):
                 port.close(CLOSE_TIMEOUT_S)

@@ -120,7 +120,8 @@ def test_nothing_is_wrong_with_a_good_bus(rig: Callable[..., Any]) -> None:
 def test_answers_of_exchanges_are_counted_by_what_became_of_them(
     rig: Callable[..., Any], switch: str, values: dict[str, Any], counted: str, remedy: str
 ) -> None:
-    r = rig(2, usb_latency_ms=3, slack_ms=0)
+    # A busy machine answers late, too, but seldom later than this.
+    r = rig(2, usb_latency_ms=3 if switch == "late" else 40, slack_ms=0)
     port = ServoPort("servos", r.emulator.port, r.options.baud, 0.02)
     try:
         client = ServoClient("servos", port)
