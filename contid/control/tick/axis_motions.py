@@ -11,6 +11,8 @@ from contid.control.tick.state import FULL_PACE, AxisMotion, RobotState
 from contid.control.tick.ways.joint_steps import within
 from contid.targets import Actuation, Target
 from contid.trajectory.approach import Approach
+from contid.trajectory.joint_stop import JointStop
+from contid.trajectory.pursuit import AxisRates, MovingAxes
 from contid.trajectory.standstill import JerkLimitedStop
 from contid.trajectory.straight_stop import StraightStop
 
@@ -27,7 +29,14 @@ def planned(state: RobotState, motion: AxisMotion | None, start_s: float) -> Rob
 
     The reference is that command: one that was limited lags behind what it followed before.
     """
-    return replace(state, motion=motion, motion_s=start_s, reference=state.command, squeeze=None)
+    return replace(state, motion=motion, motion_s=start_s, reference=state.command, squeeze=None, guard=None)
+
+
+def shares_limits(config: RobotConfig) -> bool:
+    """Whether axes share limits, which straight lines from standstill keep; before motion rules 7 by tendons alone.
+
+    """
+    return config.motion_rules > 6 and config.shared is not None
 
 
 class PresentRates(NamedTuple):
@@ -48,8 +57,12 @@ def rates(config: RobotConfig, state: RobotState) -> PresentRates:
     """Rates at the last command, of the parabola through the last three.
 
     A motion that begins with them keeps the jerk from its first tick on. Motion rules 0 have the mean
-    velocity of the last tick and no acceleration (`contid.control.tick.config.MOTION_RULES`).
+    velocity of the last tick and no acceleration (`contid.control.tick.config.MOTION_RULES`). Since 7 those of
+    a robot on its way to a live target are exact: from them it can stop, but not always from the parabola.
     """
+    exact = state.guard.motion if state.guard is not None and config.motion_rules > 6 else None
+    if exact is not None and exact.position == state.command:
+        return PresentRates(exact.velocity, exact.acceleration)
     h = config.period_s
     if config.motion_rules == 0 or not state.before:
         return PresentRates(tuple([step / h for step in state.increments]), (0.0,) * len(state.increments))
@@ -82,7 +95,7 @@ def motion_to(
     )
     return Approach(
         start, begin.velocity, goal, fastest, acceleration, jerk,
-        straight=config.straight, start_acceleration=begin.acceleration,
+        straight=config.straight or shares_limits(config), start_acceleration=begin.acceleration,
     )  # fmt: skip
 
 
@@ -119,14 +132,29 @@ def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     """
     velocity, acceleration = rates(config, state)
     if not any((*velocity, *acceleration)):
-        return replace(state, motion=None, reference=state.command, squeeze=None)
-    motion = JerkLimitedStop(state.command, velocity, config.acceleration, config.jerk, acceleration)
+        return replace(state, motion=None, reference=state.command, squeeze=None, guard=None)
+    motion: JerkLimitedStop | JointStop
+    if shares_limits(config):
+        limits = AxisRates(config.velocity, config.acceleration, config.jerk)
+        motion = JointStop(MovingAxes(state.command, velocity, acceleration), limits)
+    else:
+        motion = JerkLimitedStop(state.command, velocity, config.acceleration, config.jerk, acceleration)
     if _leaves(config, state.command, motion):
+        last_s = now_s - config.period_s
+        if shares_limits(config) and _rests_within(state, motion.duration_s + config.period_s, last_s):
+            return replace(state, squeeze=None)
         return braking_at_once(config, state, now_s)
     return planned(state, motion, now_s - config.period_s)
 
 
-def _leaves(config: RobotConfig, command: Actuation, motion: JerkLimitedStop) -> bool:
+def _rests_within(state: RobotState, time_s: float, last_s: float) -> bool:
+    """True for an approach on its way as planned that is over as soon as a stop, within a time from the last tick."""
+    motion = state.motion
+    on_its_way = isinstance(motion, Approach) and state.reference == state.command
+    return on_its_way and motion is not None and motion.duration_s - (last_s - state.motion_s) <= time_s
+
+
+def _leaves(config: RobotConfig, command: Actuation, motion: JerkLimitedStop | JointStop) -> bool:
     """True when a stop goes from inside the limits of the model beyond them."""
     if config.taut is not None:  # its limiter keeps the tensions
         return False

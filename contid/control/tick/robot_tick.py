@@ -14,7 +14,7 @@ from dataclasses import replace
 from typing import Final
 
 from contid.control.tick.arming import approach, next_arming
-from contid.control.tick.axis_motions import braking, braking_at_once, inwards
+from contid.control.tick.axis_motions import braking, braking_at_once, inwards, shares_limits
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault, of_device
 from contid.control.tick.follow.model_answer import answered
@@ -120,7 +120,7 @@ def tick(
             next_target = state.goto if state.goto is not None else target if state.follow else None
             if next_target is not None and state.squeeze is not None:
                 state = _close(config, state, next_target, now_s)
-            elif next_target is not None:
+            elif next_target is not None and not (shares_limits(config) and _moves(state)):
                 following = apply_event(config, state, Event.FOLLOW, now_s)
                 start_s = now_s - state.path_paces[0] * config.period_s
                 state = approach(config, following, next_target, now_s, start_s)
@@ -144,13 +144,17 @@ def tick_again(
     return replace(tick(config, state, now_s, samples, None), held=True)
 
 
+def _moves(state: RobotState) -> bool:
+    """True for a robot that has a velocity or an acceleration."""
+    return any(state.increments) or any(state.before)
+
+
 def _stands(config: RobotConfig, state: RobotState) -> bool:
     """True for a robot whose next state and command are those it has: nothing has to be computed."""
     return (
         state.motion is None
         and state.reference == state.command
-        and not any(state.increments)
-        and not any(state.before)
+        and not _moves(state)
         and not state.straight
         and config.play is None
         and config.capstan is None
