@@ -20,14 +20,15 @@ class JointStop:
     Args:
         begin: position and rates of every axis.
         rates: limits of the axes.
+        straight: on the line of rates that are parallel.
 
     Attributes:
         duration_s: time until every axis rests.
     """
 
-    def __init__(self, begin: MovingAxes, rates: AxisRates) -> None:
+    def __init__(self, begin: MovingAxes, rates: AxisRates, *, straight: bool = True) -> None:
         self._begin = begin
-        self._motion: Any = load("limiter").JointStopMotion(begin, *rates)
+        self._motion: Any = load("limiter").JointStopMotion(begin, *rates, straight)
         self.duration_s: float = self._motion.duration_s
 
     def at(self, time_s: float) -> MotionState:

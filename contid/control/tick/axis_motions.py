@@ -70,6 +70,16 @@ def rates(config: RobotConfig, state: RobotState) -> PresentRates:
     return PresentRates.at_end(state.increments, changes, h)
 
 
+def _rates_of_motion(config: RobotConfig, state: RobotState, last_s: float) -> PresentRates:
+    """`rates`; those of a running approach are its own where its axes share limits."""
+    motion, since_s = state.motion, last_s - state.motion_s
+    if not (shares_limits(config) and isinstance(motion, Approach) and state.reference == state.command):
+        return rates(config, state)
+    if not 0.0 < since_s < motion.duration_s:
+        return rates(config, state)
+    return PresentRates(motion.at(since_s).velocity, motion.acceleration_at(since_s))
+
+
 def rates_along_path(config: RobotConfig, state: RobotState) -> PresentRates:
     """Rates at the last command by the clock of paths, which is slower where a body lags.
 
@@ -128,29 +138,34 @@ def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     """The state with a jerk-limited stop from its present motion; none is needed at standstill.
 
     Live targets are followed so that the axes can stop inside the limits of the model, such as a bend radius.
-    Where the jerk-limited stop, which is longer, goes beyond them, it is the shortest one.
+    Where the jerk-limited stop, which is longer, goes beyond them, it is the shortest one. Since motion rules
+    7 the jerk-limited stops are those with which live targets were compared, and an approach that rests as
+    soon as its stop is not stopped: it ends inside.
     """
-    velocity, acceleration = rates(config, state)
+    velocity, acceleration = _rates_of_motion(config, state, now_s - config.period_s)
     if not any((*velocity, *acceleration)):
         return replace(state, motion=None, reference=state.command, squeeze=None, guard=None)
-    motion: JerkLimitedStop | JointStop
-    if shares_limits(config):
-        limits = AxisRates(config.velocity, config.acceleration, config.jerk)
-        motion = JointStop(MovingAxes(state.command, velocity, acceleration), limits)
-    else:
+    last_s = now_s - config.period_s
+    limits = AxisRates(config.velocity, config.acceleration, config.jerk)
+    if not shares_limits(config):
         motion = JerkLimitedStop(state.command, velocity, config.acceleration, config.jerk, acceleration)
-    if _leaves(config, state.command, motion):
-        last_s = now_s - config.period_s
-        if shares_limits(config) and _rests_within(state, motion.duration_s + config.period_s, last_s):
-            return replace(state, squeeze=None)
+        if not _leaves(config, state.command, motion):
+            return planned(state, motion, last_s)
         return braking_at_once(config, state, now_s)
-    return planned(state, motion, now_s - config.period_s)
+    begin = MovingAxes(state.command, velocity, acceleration)
+    stops = [JointStop(begin, limits, straight=straight) for straight in (True, False)]
+    for stop in stops:
+        if not _leaves(config, state.command, stop):
+            return planned(state, stop, last_s)
+    if _rests_within(state, stops[0].duration_s + config.period_s, last_s):
+        return replace(state, squeeze=None)
+    return braking_at_once(config, state, now_s)
 
 
 def _rests_within(state: RobotState, time_s: float, last_s: float) -> bool:
-    """True for an approach on its way as planned that is over as soon as a stop, within a time from the last tick."""
+    """True for an approach or a stop on its way as planned that is over within a time after the last tick."""
     motion = state.motion
-    on_its_way = isinstance(motion, Approach) and state.reference == state.command
+    on_its_way = isinstance(motion, Approach | JointStop) and state.reference == state.command
     return on_its_way and motion is not None and motion.duration_s - (last_s - state.motion_s) <= time_s
 
 

@@ -61,13 +61,13 @@ template <class Shared> nb::tuple gradient_of(const Shared& self, nb::handle axe
 // The stop of all axes of a robot that the guard compares with its limits, as a motion: contid/trajectory/joint_stop.py.
 class JointStopMotion {
  public:
-  JointStopMotion(nb::handle state, nb::handle velocity, nb::handle acceleration, nb::handle jerk)
+  JointStopMotion(nb::handle state, nb::handle velocity, nb::handle acceleration, nb::handle jerk, bool straight)
       : velocity_(numbers(velocity)) {
     const std::size_t axes = velocity_.size();
     const auto most = numbers(acceleration), jolts = numbers(jerk);
     if (most.size() != axes || jolts.size() != axes || axes > contid::kMostAxes) throw nb::value_error(kPerAxis);
     contid::read_moving(state, begin_, static_cast<int>(axes), kPerAxis);
-    joint_ = contid::joint_stop(begin_, velocity_, most, jolts, true);
+    joint_ = contid::joint_stop(begin_, velocity_, most, jolts, straight);
   }
 
   double duration_s() const { return joint_.duration_s; }
@@ -256,8 +256,8 @@ void bind_guard(nb::module_& module) {
       .def("excess", &excess_of<SharedBend>, nb::arg("axes"))
       .def("gradient", &gradient_of<SharedBend>, nb::arg("axes"), nb::arg("number"));
   nb::class_<JointStopMotion>(module, "JointStopMotion")
-      .def(nb::init<nb::handle, nb::handle, nb::handle, nb::handle>(), nb::arg("state"), nb::arg("velocity"),
-           nb::arg("acceleration"), nb::arg("jerk"))
+      .def(nb::init<nb::handle, nb::handle, nb::handle, nb::handle, bool>(), nb::arg("state"), nb::arg("velocity"),
+           nb::arg("acceleration"), nb::arg("jerk"), nb::arg("straight"))
       .def_prop_ro("duration_s", &JointStopMotion::duration_s)
       .def("at_time", &JointStopMotion::at_time, nb::arg("time_s"));
   nb::class_<RobotGuard>(module, "RobotGuard")

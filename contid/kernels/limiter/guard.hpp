@@ -71,8 +71,7 @@ struct Guard {
     if (!taut && -now > kSteepest * reach(at)) return true;
     const double allowed = std::max(excess(last), 0.0) + (taut ? kToleranceM : kRoundingM);
     if (now > allowed) return false;
-    const JointStop joint = joint_stop(at, velocity, acceleration, jerk, motion_rules > 1);
-    const auto keeps = [&](int states, bool with_margin) {
+    const auto keeps = [&](const JointStop& joint, int states, bool with_margin) {
       std::vector<double> ways(states * axes);
       for (int n = 0; n < states; ++n)
         if (!stays_between(at, last, joint, joint.duration_s * (n + 1) / states, &ways[n * axes])) return false;
@@ -87,8 +86,13 @@ struct Guard {
       }
       return true;
     };
-    if (!taut && motion_rules < 2) return keeps(kStates, false);
-    return keeps(kStates, true) || keeps(kStatesClose, false);
+    const JointStop joint = joint_stop(at, velocity, acceleration, jerk, motion_rules > 1);
+    if (!taut && motion_rules < 2) return keeps(joint, kStates, false);
+    if (keeps(joint, kStates, true) || keeps(joint, kStatesClose, false)) return true;
+    // A stop that is no line can come to rates that are parallel, after which that on the line is another one.
+    if (motion_rules < 7 || !joint.line) return false;
+    const JointStop aside = joint_stop(at, velocity, acceleration, jerk, false);
+    return keeps(aside, kStates, true) || keeps(aside, kStatesClose, false);
   }
 
  private:
