@@ -33,9 +33,7 @@ def planned(state: RobotState, motion: AxisMotion | None, start_s: float) -> Rob
 
 
 def shares_limits(config: RobotConfig) -> bool:
-    """Whether axes share limits, which straight lines from standstill keep; before motion rules 7 by tendons alone.
-
-    """
+    """Whether axes share limits, which straight lines from standstill keep; False before motion rules 7."""
     return config.motion_rules > 6 and config.shared is not None
 
 

@@ -1,6 +1,6 @@
 """Rows that a robot refuses amid its motion: its stop, and its way to the next good row, keep every limit.
 
-Near limits that axes share, such as a bend, the jerk was exceeded up to 18 times.
+Near limits that axes share, such as a bend, the jerk was exceeded up to 10 times, by a garbage policy 18 times.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ def rates(name: str, seed: int) -> tuple[Array, set[str], int]:
     return np.array(found), modes, refused
 
 
-@pytest.mark.parametrize("name", ["finger", "catheter", "trirack"])
-def test_limits_hold_amid_refused_rows(name: str) -> None:
-    found, modes, refused = rates(name, 1)
+@pytest.mark.parametrize(("name", "seed"), [("catheter", 1), ("trirack", 1), ("trirack2", 2)])
+def test_limits_hold_amid_refused_rows(name: str, seed: int) -> None:
+    found, modes, refused = rates(name, seed)
     assert refused > 100
     assert {"RUN", "HOLD", "APPROACH"} <= modes
     assert found.max() <= 1.0 + 1e-5, found
