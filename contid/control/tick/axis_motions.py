@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
@@ -15,6 +16,7 @@ from contid.trajectory.joint_stop import JointStop
 from contid.trajectory.pursuit import AxisRates, MovingAxes
 from contid.trajectory.standstill import JerkLimitedStop
 from contid.trajectory.straight_stop import StraightStop
+from contid.units import LIMIT_TOLERANCE_M
 
 #: Share of an axis's travel beyond a limit that counts as outside; less is noise of a sensor or a zero.
 OUTSIDE_SHARE: Final = 0.02
@@ -34,7 +36,7 @@ def planned(state: RobotState, motion: AxisMotion | None, start_s: float) -> Rob
 
 def shares_limits(config: RobotConfig) -> bool:
     """Whether axes share limits, which straight lines from standstill keep; False before motion rules 7."""
-    return config.motion_rules > 6 and config.shared is not None
+    return config.motion_rules > 6 and (config.shared is not None or config.taut is not None)
 
 
 class PresentRates(NamedTuple):
@@ -144,20 +146,21 @@ def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     if not any((*velocity, *acceleration)):
         return replace(state, motion=None, reference=state.command, squeeze=None, guard=None)
     last_s = now_s - config.period_s
-    limits = AxisRates(config.velocity, config.acceleration, config.jerk)
-    if not shares_limits(config):
-        motion = JerkLimitedStop(state.command, velocity, config.acceleration, config.jerk, acceleration)
-        if not _leaves(config, state.command, motion):
-            return planned(state, motion, last_s)
+    if shares_limits(config):
+        begin = MovingAxes(state.command, velocity, acceleration)
+        limits = AxisRates(config.velocity, config.acceleration, config.jerk)
+        for straight in (True, False):
+            stop = JointStop(begin, limits, straight=straight)
+            if not _leaves(config, state.command, stop):
+                return planned(state, stop, last_s)
+        if _rests_within(state, stop.duration_s + config.period_s, last_s):
+            return replace(state, squeeze=None)
+        if config.taut is None:
+            return braking_at_once(config, state, now_s)
+    motion = JerkLimitedStop(state.command, velocity, config.acceleration, config.jerk, acceleration)
+    if config.taut is None and _leaves(config, state.command, motion):  # the limiter of tendons keeps tensions
         return braking_at_once(config, state, now_s)
-    begin = MovingAxes(state.command, velocity, acceleration)
-    stops = [JointStop(begin, limits, straight=straight) for straight in (True, False)]
-    for stop in stops:
-        if not _leaves(config, state.command, stop):
-            return planned(state, stop, last_s)
-    if _rests_within(state, stops[0].duration_s + config.period_s, last_s):
-        return replace(state, squeeze=None)
-    return braking_at_once(config, state, now_s)
+    return planned(state, motion, last_s)
 
 
 def _rests_within(state: RobotState, time_s: float, last_s: float) -> bool:
@@ -169,8 +172,10 @@ def _rests_within(state: RobotState, time_s: float, last_s: float) -> bool:
 
 def _leaves(config: RobotConfig, command: Actuation, motion: JerkLimitedStop | JointStop) -> bool:
     """True when a stop goes from inside the limits of the model beyond them."""
-    if config.taut is not None:  # its limiter keeps the tensions
-        return False
+    if config.taut is not None:
+        ticks = range(1, math.ceil(motion.duration_s / config.period_s) + 1)
+        most = max(config.guard.excess(command), 0.0) + LIMIT_TOLERANCE_M
+        return any(config.guard.excess(motion.at(k * config.period_s).position) > most for k in ticks)
     own = len(command) - config.extra_axes
     ways = [motion.at(share * motion.duration_s)[0] for share in _LOOKED_AT]
     inside = [within(config, at[:own], at[own:]) for at in (command, *ways)]

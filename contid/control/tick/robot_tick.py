@@ -34,6 +34,7 @@ from contid.hal import Sample
 from contid.records import record
 from contid.targets import ZERO3, Actuation, Solution, Target, Vec3
 from contid.trajectory.approach import Approach
+from contid.trajectory.joint_stop import JointStop
 
 _WATCHED: Final = frozenset(Mode) - {Mode.OFF, Mode.CONNECTING, Mode.FAULT}
 _DRIVEN: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING, Mode.FAULT})
@@ -334,7 +335,7 @@ def _limited(
         target_step,
         target_in_base,
         state.straight,
-        guard is not None,
+        guard is not None or isinstance(state.motion, JointStop),
     )
     if guard_flags:
         flags = tuple([a | b for a, b in zip(flags, guard_flags, strict=True)])
