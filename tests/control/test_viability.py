@@ -145,8 +145,8 @@ def test_states_of_a_stop_are_those_of_ruckig() -> None:
             acceleration = velocity * draw.uniform(-5.0, 5.0)
         if number % 5 == 0 or not acceleration.any():
             shares = velocity / velocity[0]
-            limits = ((each / np.abs(shares)).min(keepdims=True) for each in (greatest, jerk))
-            ways = ways_of_stop(velocity[:1], acceleration[:1], *limits, given.period_s) * shares
+            most, jolt = ((each / np.abs(shares)).min(keepdims=True) for each in (greatest, jerk))
+            ways = ways_of_stop(velocity[:1], acceleration[:1], most, jolt, given.period_s) * shares
         else:
             ways = ways_of_stop(velocity, acceleration, greatest, jerk, given.period_s)
         state = MovingAxes(position, tuple(velocity.tolist()), tuple(acceleration.tolist()))

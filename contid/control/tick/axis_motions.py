@@ -39,6 +39,11 @@ def shares_limits(config: RobotConfig) -> bool:
     return config.motion_rules > 6 and (config.shared is not None or config.taut is not None)
 
 
+def moves(state: RobotState) -> bool:
+    """True for a robot that has a velocity or an acceleration."""
+    return any(state.increments) or any(state.before)
+
+
 class PresentRates(NamedTuple):
     """How the axes of a robot move: their velocity [1/s] and acceleration [1/s^2]."""
 
@@ -57,8 +62,8 @@ def rates(config: RobotConfig, state: RobotState) -> PresentRates:
     """Rates at the last command, of the parabola through the last three.
 
     A motion that begins with them keeps the jerk from its first tick on. Motion rules 0 have the mean
-    velocity of the last tick and no acceleration (`contid.control.tick.config.MOTION_RULES`). Since 7 those of
-    a robot on its way to a live target are exact: from them it can stop, but not always from the parabola.
+    velocity of the last tick and no acceleration (`contid.control.tick.config.MOTION_RULES`). Since 7 the
+    rates of a robot on its way to a live target are its own: it can stop from these, not always from those.
     """
     exact = state.guard.motion if state.guard is not None and config.motion_rules > 6 else None
     if exact is not None and exact.position == state.command:
@@ -158,7 +163,9 @@ def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
         if config.taut is None:
             return braking_at_once(config, state, now_s)
     motion = JerkLimitedStop(state.command, velocity, config.acceleration, config.jerk, acceleration)
-    if config.taut is None and _leaves(config, state.command, motion):  # the limiter of tendons keeps tensions
+    if config.taut is None and _leaves(
+        config, state.command, motion
+    ):  # the limiter of tendons keeps tensions
         return braking_at_once(config, state, now_s)
     return planned(state, motion, last_s)
 

@@ -14,7 +14,7 @@ from dataclasses import replace
 from typing import Final
 
 from contid.control.tick.arming import approach, next_arming
-from contid.control.tick.axis_motions import braking, braking_at_once, inwards, shares_limits
+from contid.control.tick.axis_motions import braking, braking_at_once, inwards, moves, shares_limits
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault, of_device
 from contid.control.tick.follow.model_answer import answered
@@ -29,12 +29,13 @@ from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Event, Mode
 from contid.control.tick.taut import lifted
 from contid.control.tick.tip_feedback import Measurement, corrected, kept, observed
-from contid.control.tick.transitions import apply_event, end_stop, fail, stay
+from contid.control.tick.transitions import after_braking, apply_event, fail, stay
 from contid.hal import Sample
 from contid.records import record
 from contid.targets import ZERO3, Actuation, Solution, Target, Vec3
 from contid.trajectory.approach import Approach
 from contid.trajectory.joint_stop import JointStop
+from contid.units import LIMIT_TOLERANCE_M
 
 _WATCHED: Final = frozenset(Mode) - {Mode.OFF, Mode.CONNECTING, Mode.FAULT}
 _DRIVEN: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING, Mode.FAULT})
@@ -121,7 +122,7 @@ def tick(
             next_target = state.goto if state.goto is not None else target if state.follow else None
             if next_target is not None and state.squeeze is not None:
                 state = _close(config, state, next_target, now_s)
-            elif next_target is not None and not (shares_limits(config) and _moves(state)):
+            elif next_target is not None and not (shares_limits(config) and moves(state)):
                 following = apply_event(config, state, Event.FOLLOW, now_s)
                 start_s = now_s - state.path_paces[0] * config.period_s
                 state = approach(config, following, next_target, now_s, start_s)
@@ -145,17 +146,12 @@ def tick_again(
     return replace(tick(config, state, now_s, samples, None), held=True)
 
 
-def _moves(state: RobotState) -> bool:
-    """True for a robot that has a velocity or an acceleration."""
-    return any(state.increments) or any(state.before)
-
-
 def _stands(config: RobotConfig, state: RobotState) -> bool:
     """True for a robot whose next state and command are those it has: nothing has to be computed."""
     return (
         state.motion is None
         and state.reference == state.command
-        and not _moves(state)
+        and not moves(state)
         and not state.straight
         and config.play is None
         and config.capstan is None
@@ -280,7 +276,7 @@ def _move(config: RobotConfig, state: RobotState, now_s: float, load_n: Vec3 = Z
         if after.mode is Mode.APPROACH:
             after = _arrived(config, after, now_s)
         elif after.policy is not None:
-            after = end_stop(config, after, now_s)
+            after = after_braking(config, after, goal, now_s)
     return TickResult(after, result.device, limits=flags)
 
 
@@ -297,6 +293,14 @@ def _guarded(config: RobotConfig, state: RobotState, answer: Actuation, target_i
         answer = lifted(config.taut, config.lift_n, answer)
     guard = guarded(config, state, answer)
     return _limited(config, state, guard.command, target_in_base, guard, answer)
+
+
+def _ends_inside(config: RobotConfig, state: RobotState, goal: Actuation) -> bool:
+    """Whether the motion of a tendon robot keeps tensions: a stop that was compared, or a line to a goal."""
+    if isinstance(state.motion, JointStop):
+        return True
+    lines = bool(goal) and config.taut is not None and shares_limits(config)
+    return lines and bool(config.guard.excess(goal) <= LIMIT_TOLERANCE_M)
 
 
 def _limited(
@@ -335,7 +339,7 @@ def _limited(
         target_step,
         target_in_base,
         state.straight,
-        guard is not None or isinstance(state.motion, JointStop),
+        guard is not None or _ends_inside(config, state, goal),
     )
     if guard_flags:
         flags = tuple([a | b for a, b in zip(flags, guard_flags, strict=True)])

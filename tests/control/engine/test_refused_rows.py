@@ -1,6 +1,6 @@
 """Rows that a robot refuses amid its motion: its stop, and its way to the next good row, keep every limit.
 
-Near limits that axes share, such as a bend, the jerk was exceeded up to 10 times, by a garbage policy 18 times.
+Near limits that axes share, such as a bend, the jerk was exceeded up to 10 times, and 18 by a garbage policy.
 """
 
 from __future__ import annotations

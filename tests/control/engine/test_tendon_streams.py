@@ -117,6 +117,6 @@ def test_a_lift_changes_tensions_not_bends(name: str) -> None:
 
 @pytest.mark.parametrize("number", [6000070, 42000280])
 def test_a_stop_is_the_one_that_was_compared_with_the_limits(number: int) -> None:
-    """Rates that came to be parallel in it made it another one; between the states of it a tension was too low."""
+    """Rates that came to be parallel in it made it another one; between its states a tension was too low."""
     stage = staged("tendon3")
     assert violations(stage, random_rows(stage, number)) == {}  # 1.36 and 7.66 times the jerk before
