@@ -58,7 +58,8 @@ template <class Shared> nb::tuple gradient_of(const Shared& self, nb::handle axe
   return contid::tuple_of(slopes, axes_of(self));
 }
 
-// The stop of all axes of a robot that the guard compares with its limits, as a motion: contid/trajectory/joint_stop.py.
+// The stop of all axes of a robot that the guard compares with its limits, as a motion:
+// contid/trajectory/joint_stop.py.
 class JointStopMotion {
  public:
   JointStopMotion(nb::handle state, nb::handle velocity, nb::handle acceleration, nb::handle jerk, bool straight)

@@ -23,8 +23,8 @@ constexpr double kRoundingM = 1e-12, kToleranceM = 1e-9;
 constexpr double kSlow = 0.05;
 // Rounding of a number of ticks.
 constexpr double kRoundedTicks = 1e-6;
-// By motion rules before 7, the states of a stop that are compared with shared limits, and where it comes close to their bounds: an axis that still
-// accelerates leads beyond them early in its stop, and tensions have corners.
+// By motion rules before 7, the states of a stop that are compared with shared limits, and where it comes close to
+// their bounds: an axis that still accelerates leads beyond them early in its stop, and tensions have corners.
 constexpr int kStates = 4, kStatesClose = 32;
 
 struct Guard {
