@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
@@ -16,7 +15,6 @@ from contid.trajectory.joint_stop import JointStop
 from contid.trajectory.pursuit import AxisRates, MovingAxes
 from contid.trajectory.standstill import JerkLimitedStop
 from contid.trajectory.straight_stop import StraightStop
-from contid.units import LIMIT_TOLERANCE_M
 
 #: Share of an axis's travel beyond a limit that counts as outside; less is noise of a sensor or a zero.
 OUTSIDE_SHARE: Final = 0.02
@@ -36,7 +34,7 @@ def planned(state: RobotState, motion: AxisMotion | None, start_s: float) -> Rob
 
 def shares_limits(config: RobotConfig) -> bool:
     """Whether axes share limits, which straight lines from standstill keep; False before motion rules 7."""
-    return config.motion_rules > 6 and (config.shared is not None or config.taut is not None)
+    return config.motion_rules > 6 and config.shared is not None
 
 
 def moves(state: RobotState) -> bool:
@@ -160,12 +158,9 @@ def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
                 return planned(state, stop, last_s)
         if _rests_within(state, stop.duration_s + config.period_s, last_s):
             return replace(state, squeeze=None)
-        if config.taut is None:
-            return braking_at_once(config, state, now_s)
+        return braking_at_once(config, state, now_s)
     motion = JerkLimitedStop(state.command, velocity, config.acceleration, config.jerk, acceleration)
-    if config.taut is None and _leaves(
-        config, state.command, motion
-    ):  # the limiter of tendons keeps tensions
+    if _leaves(config, state.command, motion):
         return braking_at_once(config, state, now_s)
     return planned(state, motion, last_s)
 
@@ -179,10 +174,8 @@ def _rests_within(state: RobotState, time_s: float, last_s: float) -> bool:
 
 def _leaves(config: RobotConfig, command: Actuation, motion: JerkLimitedStop | JointStop) -> bool:
     """True when a stop goes from inside the limits of the model beyond them."""
-    if config.taut is not None:
-        ticks = range(1, math.ceil(motion.duration_s / config.period_s) + 1)
-        most = max(config.guard.excess(command), 0.0) + LIMIT_TOLERANCE_M
-        return any(config.guard.excess(motion.at(k * config.period_s).position) > most for k in ticks)
+    if config.taut is not None:  # its limiter keeps the tensions
+        return False
     own = len(command) - config.extra_axes
     ways = [motion.at(share * motion.duration_s)[0] for share in _LOOKED_AT]
     inside = [within(config, at[:own], at[own:]) for at in (command, *ways)]

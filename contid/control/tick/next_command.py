@@ -62,8 +62,7 @@ def next_command(
         target_in_base: what the reference answers; None for a motion of the axes.
         straight: the axes are on a straight line to the reference, because the tip cannot be
             (`contid.control.tick.ways.way`).
-        keeps_jerk: the reference is that of `contid.control.tick.jerk_guard`, from which the axes can stop,
-            or that of such a stop.
+        keeps_jerk: the reference is that of `contid.control.tick.jerk_guard`, from which the axes can stop.
     """
     if reference == last and not any(last_steps) and not any(reference_steps):
         # They stand where they have to be: every limit held when the last command was made.

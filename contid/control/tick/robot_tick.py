@@ -34,8 +34,6 @@ from contid.hal import Sample
 from contid.records import record
 from contid.targets import ZERO3, Actuation, Solution, Target, Vec3
 from contid.trajectory.approach import Approach
-from contid.trajectory.joint_stop import JointStop
-from contid.units import LIMIT_TOLERANCE_M
 
 _WATCHED: Final = frozenset(Mode) - {Mode.OFF, Mode.CONNECTING, Mode.FAULT}
 _DRIVEN: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING, Mode.FAULT})
@@ -295,14 +293,6 @@ def _guarded(config: RobotConfig, state: RobotState, answer: Actuation, target_i
     return _limited(config, state, guard.command, target_in_base, guard, answer)
 
 
-def _ends_inside(config: RobotConfig, state: RobotState, goal: Actuation) -> bool:
-    """Whether the motion of a tendon robot keeps tensions: a stop that was compared, or a line to a goal."""
-    if isinstance(state.motion, JointStop):
-        return True
-    lines = bool(goal) and config.taut is not None and shares_limits(config)
-    return lines and bool(config.guard.excess(goal) <= LIMIT_TOLERANCE_M)
-
-
 def _limited(
     config: RobotConfig,
     state: RobotState,
@@ -339,7 +329,7 @@ def _limited(
         target_step,
         target_in_base,
         state.straight,
-        guard is not None or _ends_inside(config, state, goal),
+        guard is not None,
     )
     if guard_flags:
         flags = tuple([a | b for a, b in zip(flags, guard_flags, strict=True)])
