@@ -42,8 +42,8 @@ def test_a_bus_in_this_process_is_closed_when_an_isolated_one_does_not_open(
     isolated = Isolated()
     none = cast(Any, None)
     code = control_process._serve(
-        cast(Any, SimpleNamespace(loaded=None)), none, none, cast(Any, SimpleNamespace(event=events.append)),
-        none, {"servos": cast(IsolatedPort, isolated)},
+        cast(Any, SimpleNamespace(loaded=None)), none, cast(Any, SimpleNamespace(parent_gone=False)),
+        cast(Any, SimpleNamespace(event=events.append)), none, {"servos": cast(IsolatedPort, isolated)},
     )  # fmt: skip
     assert code == events[0].exit_code != 0
     assert isolated.closed
@@ -95,7 +95,7 @@ def test_no_alarm_of_the_tick_interrupts_what_follows_an_error_in_it(
     monkeypatch.setattr(control_process, "disable_gc", lambda: None)
     monkeypatch.setattr(control_process, "ControlProcess", Broken)
     none, before = cast(Any, None), signal.getsignal(signal.SIGALRM)
-    quiet = cast(Any, SimpleNamespace(event=lambda event: None, write=lambda ring: None, running=False))
+    quiet = cast(Any, SimpleNamespace(event=lambda event: None, write=lambda ring: None, parent_gone=False))
     try:
         with pytest.raises(RuntimeError, match="no idea"):
             control_process._serve(cast(Any, SimpleNamespace(loaded=None)), none, quiet, quiet, quiet, {})
