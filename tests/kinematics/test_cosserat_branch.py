@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -112,68 +113,65 @@ def test_stable_and_critical_load_do_not_rest_on_three_elements(
     assert solver(rod).critical(bar, newtons, 1.0) is None
 
 
-#: Targets [mm] under a load [N], the pressures from which they are searched [bar], and steps of the ramp.
+class Asked(NamedTuple):
+    """A target [mm] under a load [N], the pressures from which it is searched [bar], and steps of the ramp.
+
+    For `inverse` is free to choose other pressures, the pressures of an answer and the tip that shooting
+    found for them come with it [bar, mm].
+    """
+
+    tip_mm: Vec3
+    load_n: Vec3
+    seed_bar: tuple[float, ...]
+    steps: int
+    bar: tuple[float, ...]
+    shot_mm: Vec3
+
+    def answer(self, arm: CosseratModel) -> Solution:
+        x, y, z = self.tip_mm
+        target = Target(tip_m=(x / 1e3, y / 1e3, z / 1e3), load_n=self.load_n)
+        return arm.inverse(target, tuple(BAR * p for p in self.seed_bar))
+
+
 #: 5 g: equilibria on the first target exist 91 mm away from the branch. Six elements met the others where the
 #: branch of six ends before: `forward` was up to 126 mm away. The first ends beside its target, which is out
-#: of reach; for `inverse` is free to choose other pressures, the pressures of an answer and the tip that
-#: shooting found for them come with it [bar, mm].
-ASKED: list[tuple[Vec3, Vec3, tuple[float, ...], int, tuple[float, ...], Vec3]] = [
-    ((-39.08, -55.67, 37.71), (0.0, 0.0, 0.05), (0.5,) * 6, 24,
+#: of reach.
+ASKED = [
+    Asked((-39.08, -55.67, 37.71), (0.0, 0.0, 0.05), (0.5,) * 6, 24,
      (1.5, 0.0, 0.0, 1.30724, 0.32521, 0.32422), (-38.14293, -51.77507, 39.10478)),
-    ((57.12779408, -96.97599988, 11.45069214), (0.04904695, -0.03161956, -0.04836663),
+    Asked((57.12779408, -96.97599988, 11.45069214), (0.04904695, -0.03161956, -0.04836663),
      (1.45324605, 1.08474158, 1.08921229, 0.67360584, 0.11688788, 1.13933515), 24,
      (1.45371, 1.08506, 1.08814, 0.67367, 0.11682, 1.13902), (57.12182, -96.97763, 11.43457)),
-    ((-43.07795218, -56.61913222, 31.6999024), (0.01965308, -0.04145026, 0.02908514),
+    Asked((-43.07795218, -56.61913222, 31.6999024), (0.01965308, -0.04145026, 0.02908514),
      (1.19119777, 0.03021398, 1.25891197, 0.87175301, 0.44338612, 0.96349625), 100,
      (1.0609, 0.0, 1.4995, 1.19866, 0.82047, 0.86382), (75.47959, -22.87401, 15.84657)),
 ]  # fmt: skip
 
 
-def answer(arm: CosseratModel, tip_mm: Vec3, load_n: Vec3, seed_bar: tuple[float, ...]) -> Solution:
-    x, y, z = tip_mm
-    target = Target(tip_m=(x / 1e3, y / 1e3, z / 1e3), load_n=load_n)
-    return arm.inverse(target, tuple(BAR * p for p in seed_bar))
-
-
-@pytest.mark.parametrize(("tip_mm", "load_n", "seed_bar", "steps", "bar", "shot_mm"), ASKED)
-def test_an_answer_is_where_shooting_finds_the_arm(
-    arm: CosseratModel,
-    tip_mm: Vec3,
-    load_n: Vec3,
-    seed_bar: tuple[float, ...],
-    steps: int,
-    bar: tuple[float, ...],
-    shot_mm: Vec3,
-) -> None:
-    found = answer(arm, tip_mm, load_n, seed_bar)
-    pose = arm.forward(found.actuation, load_n)
+@pytest.mark.parametrize("asked", ASKED)
+def test_an_answer_is_where_shooting_finds_the_arm(arm: CosseratModel, asked: Asked) -> None:
+    found = asked.answer(arm)
+    pose = arm.forward(found.actuation, asked.load_n)
     assert pose.stable
-    assert 1e3 * math.dist(pose.tip_m, [x / 1e3 for x in tip_mm]) == pytest.approx(
+    assert 1e3 * math.dist(pose.tip_m, [x / 1e3 for x in asked.tip_mm]) == pytest.approx(
         1e3 * found.residual_m, abs=5e-2
     )
     assert found.converged or found.limited_by
-    pose = arm.forward(tuple(BAR * p for p in bar), load_n)
+    pose = arm.forward(tuple(BAR * p for p in asked.bar), asked.load_n)
     assert pose.stable
-    assert np.linalg.norm(np.array(shot_mm) / 1e3 - pose.tip_m) < 2e-4
+    assert np.linalg.norm(np.array(asked.shot_mm) / 1e3 - pose.tip_m) < 2e-4
 
 
 @pytest.mark.campaign
-@pytest.mark.parametrize(("tip_mm", "load_n", "seed_bar", "steps", "bar", "shot_mm"), ASKED)
-def test_shooting_finds_the_arm_there(
-    arm: CosseratModel,
-    tip_mm: Vec3,
-    load_n: Vec3,
-    seed_bar: tuple[float, ...],
-    steps: int,
-    bar: tuple[float, ...],
-    shot_mm: Vec3,
-) -> None:
-    force = np.array(load_n)
-    assert ramped_tip(two(), np.array(bar), force, steps) == pytest.approx(np.array(shot_mm), abs=1e-3)
-    found = answer(arm, tip_mm, load_n, seed_bar)
-    oracle = ramped_tip(two(), np.array(found.actuation) / BAR, force, steps)
+@pytest.mark.parametrize("asked", ASKED)
+def test_shooting_finds_the_arm_there(arm: CosseratModel, asked: Asked) -> None:
+    force = np.array(asked.load_n)
+    shot = ramped_tip(two(), np.array(asked.bar), force, asked.steps)
+    assert shot == pytest.approx(np.array(asked.shot_mm), abs=1e-3)
+    found = asked.answer(arm)
+    oracle = ramped_tip(two(), np.array(found.actuation) / BAR, force, asked.steps)
     assert oracle is not None
-    assert np.linalg.norm(oracle / 1e3 - arm.forward(found.actuation, load_n).tip_m) < 2e-4
+    assert np.linalg.norm(oracle / 1e3 - arm.forward(found.actuation, asked.load_n).tip_m) < 2e-4
 
 
 @pytest.mark.parametrize("count", [pytest.param(20, marks=pytest.mark.campaign), 6])

@@ -89,14 +89,9 @@ def daemon(
     journal = f"journal_file: {folder / 'journal.jsonl'}"
     text = fingers(count, options="\n".join([journal, watchdog, options]), rate_hz=rate_hz, **keys)
     robot.write_text(change(text))
-    socket = folder / "s"
+    own = ("--socket", str(folder / "s"), "--recordings", str(folder), "--json")
     process = subprocess.Popen(
-        [
-            *prefix,
-            *command(
-                "run", str(robot), "--socket", str(socket), "--recordings", str(folder), "--json", *arguments
-            ),
-        ],
+        [*prefix, *command("run", str(robot), *own, *arguments)],
         stdin=subprocess.DEVNULL if stdin is None else subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -108,16 +103,25 @@ def daemon(
         process.stdin.write(stdin)
         process.stdin.close()
         process.stdin = None
-    running = Running(process, socket, folder)
     try:
-        until(lambda: is_listening(socket) or process.poll() is not None, "the daemon listens")
+        with listening(process, folder) as running:
+            yield running
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def listening(process: subprocess.Popen[str], folder: Path) -> Iterator[Running]:
+    """A daemon that was started with the socket ``s`` in a folder, once it listens; killed at the end."""
+    running = Running(process, folder / "s", folder)
+    try:
+        until(lambda: is_listening(running.socket) or process.poll() is not None, "the daemon listens")
         assert process.poll() is None, process.communicate()[1]
         yield running
     finally:
         if process.poll() is None:
             process.kill()
         process.communicate()
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 #: For tests that judge single ticks or what happens within a few hundredths of a second.
@@ -210,12 +214,7 @@ def shipped(name: str) -> Iterator[Running]:
         stderr=subprocess.PIPE,
         text=True,
     )
-    running = Running(process, folder / "s", folder)
-    try:
-        until(lambda: is_listening(running.socket) or process.poll() is not None, "the daemon listens")
+    with listening(process, folder) as running:
         with running.client() as client:
             armed(client)
         yield running
-    finally:
-        process.kill()
-        process.communicate()

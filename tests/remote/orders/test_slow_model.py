@@ -14,13 +14,11 @@ from typing import Any
 import pytest
 
 from contid.client import Client
-from contid.remote.protocol.socket_path import is_listening
 from contid.remote.protocol.wire import decode, encode
 from tests.support.broken.bad_model import ROBOT
 from tests.support.broken.slow_model import installed_in
-from tests.support.daemons import Running, armed, raw
+from tests.support.daemons import Running, armed, listening, raw
 from tests.support.fingers import fingers
-from tests.support.waiting import until
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
@@ -48,17 +46,11 @@ def slow() -> Iterator[Running]:
         stderr=subprocess.PIPE,
         text=True,
     )
-    running = Running(process, folder / "s", folder)
-    try:
-        until(lambda: is_listening(running.socket) or process.poll() is not None, "the daemon listens")
-        assert process.poll() is None, process.communicate()[1]
+    with listening(process, folder) as running:
         with running.client() as client:
             armed(client)
         yield running
         running.end()
-    finally:
-        process.kill()
-        process.communicate()
 
 
 def test_a_stop_of_another_client_does_not_wait_for_rows_under_check(slow: Running) -> None:
