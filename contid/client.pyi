@@ -6,14 +6,3 @@ from contid.remote.protocol.wire import ConnectionLostError as ConnectionLostErr
 from contid.remote.protocol.wire import NoDaemonError as NoDaemonError
 from contid.remote.protocol.wire import RemoteError as RemoteError
 from contid_library.async_client import AsyncClient as AsyncClient
-
-__all__ = [
-    "AsyncClient",
-    "Client",
-    "Code",
-    "ConnectionLostError",
-    "NoDaemonError",
-    "RemoteError",
-    "ServoReport",
-    "ServoState",
-]
