@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -147,8 +147,6 @@ def read_document(text: str, file: str) -> Document:
         raise BadInputError([Located(file, 1, 1, message)])
     if found := list(islice(_invisible(text, file), MAX_INVISIBLE)):
         raise BadInputError(found)
-    if (quick := _read_quickly(text, file)) is not None:
-        return quick
     reader = _Reader(Document(file))
     try:
         reader.read(iter(yaml.parse(text, Loader=yaml.BaseLoader)))
@@ -170,31 +168,6 @@ def read_document(text: str, file: str) -> Document:
     if reader.findings:
         raise BadInputError(first_findings(reader.findings))
     return reader.document
-
-
-def _read_quickly(text: str, file: str) -> Document | None:
-    """What libyaml reads, in a twelfth of the time; None where PyYAML's own parser decides.
-
-    Messages and places of mistakes are those of the latter, which also refuses tabs between values.
-    """
-    if not yaml.__with_libyaml__ or "\t" in text or not text.isascii():
-        return None
-    reader = _Reader(Document(file))
-    try:
-        reader.read(_undisputed(yaml.parse(text, Loader=yaml.CBaseLoader)))
-    except (yaml.YAMLError, BadInputError):
-        return None
-    return None if reader.findings else reader.document
-
-
-def _undisputed(events: Iterable[yaml.Event]) -> Iterator[yaml.Event]:
-    """Events up to one that the parsers differ on: the place of a missing value, ``?``, heads of blocks."""
-    for event in events:
-        if isinstance(event, yaml.ScalarEvent):
-            plain = not event.style
-            if event.style in ("|", ">") or (plain and (not event.value or "?" in event.value)):
-                raise yaml.YAMLError
-        yield event
 
 
 def invisible(text: str) -> str:
@@ -360,7 +333,7 @@ def _place(event: yaml.Event) -> tuple[int, int]:
 def _scalar(event: yaml.ScalarEvent) -> Data:
     """Value of a scalar by the YAML 1.2 core schema; quoted scalars are always text."""
     text = event.value
-    if event.style:  # of a plain one it is "" by libyaml, None by PyYAML
+    if event.style is not None:
         return str(text)
     if text in _CONSTANTS:
         return _CONSTANTS[text]

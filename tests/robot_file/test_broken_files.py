@@ -10,10 +10,35 @@ import pytest
 
 from contid.errors import BadInputError, Located
 from contid.robot_file.load import parse_robot_file
-from tests.robot_file.broken_files import broken, robot_files
 
 #: A campaign sets this to tens of thousands; the short form keeps CI quick.
 ROUNDS = int(os.environ.get("CONTID_BROKEN_FILES", "40"))
+VALUES = (
+    *("", "-1", "0", "1e9", "1e-300", "[]", "{}", "[1, 2]", "{a: 1}", "abc", ".nan", "true", "null"),
+    *("[[1, 2], [3]]", "'x'", "*none", "!t 1"),
+)
+
+
+def broken(text: str, dice: random.Random) -> str:
+    """One to four lines deleted, doubled, cut, with another value or another unit."""
+    lines = text.split("\n")
+    for _ in range(dice.randint(1, 4)):
+        at = dice.randrange(len(lines))
+        line = lines[at]
+        match dice.randrange(5):
+            case 0:
+                lines[at : at + 1] = []
+            case 1:
+                lines.insert(at, line)
+            case 2:
+                lines[at] = line[: dice.randint(0, len(line))]
+            case 3:
+                lines[at] = line.replace("_m", "_x", 1)
+            case _ if ":" in line:
+                key, _, rest = line.partition(":")
+                lines[at] = f"{key}: {dice.choice(VALUES)}{rest[rest.find(',') :] if ',' in rest else ''}"
+        lines = lines or [""]
+    return "\n".join(lines)
 
 
 def findings(text: str, name: str) -> list[Located]:
@@ -23,6 +48,10 @@ def findings(text: str, name: str) -> list[Located]:
     except BadInputError as error:
         return list(error.findings)
     return []
+
+
+def robot_files() -> list[Path]:
+    return sorted((Path(__file__).parent.parent.parent / "configs").glob("*.yaml"))
 
 
 @pytest.mark.parametrize("file", robot_files(), ids=lambda file: file.stem)
