@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import math
+from itertools import combinations
+from typing import Annotated, Final, Literal
 
 from pydantic import Field, model_validator
 
 from contid.robot_file.base import Azimuth, NonNegative, Positive, Size, Strict
 from contid.robot_file.sections import SectionRobot
 
-_LAYOUTS = {"paper": (180.0, 60.0, -60.0), "ccw": (0.0, 120.0, 240.0)}
+#: Azimuths of tube 1, 2 and 3 [deg], by the name of the layout.
+_LAYOUTS: Final = {"paper": (180.0, 60.0, -60.0), "ccw": (0.0, 120.0, 240.0)}
+#: Nearer tubes bend the section in nearly the same direction [deg].
+_LEAST_APART_DEG: Final = 1.0
 
 
 class TriTubeGeometry(Strict):
@@ -51,7 +56,9 @@ class TubeSolver(Strict):
 
 
 class TriTube(SectionRobot):
-    """An arm of tubes in threes, lengths in, usually driven by pressure through tables; it grows along +z.
+    """An arm whose sections are three tubes each; it grows along +z.
+
+    Its axes are the lengths of the tubes; usually pressures drive these, by tables (``axes.NAME.mm_to_bar``).
 
     Axes: ``s1.l1``, ``s1.l2``, ``s1.l3``, ``s2.l1`` and so on: section, tube.
     Targets: a tip; from two sections on also its direction, or a mid-point beside it.
@@ -71,10 +78,13 @@ class TriTube(SectionRobot):
     def _consistent(self) -> TriTube:
         self.per_section(self.geometry.radius_mm, "geometry.radius_mm")
         self.per_section(self.geometry.rigid_mm, "geometry.rigid_mm")
-        angles = self.tube_angles_deg[0]
-        gaps = [(b - a) % 360.0 for a, b in zip(angles, (*angles[1:], angles[0]), strict=True)]
-        if min(*gaps) < 1.0 or not (abs(sum(gaps) - 360.0) < 1e-6 or abs(sum(gaps) - 720.0) < 1e-6):
-            raise ValueError("geometry.angles_deg: the three tubes must stand at three different azimuths")
+        for a_deg, b_deg in combinations(self.tube_angles_deg[0], 2):
+            apart_deg = abs(math.remainder(a_deg - b_deg, 360.0))
+            if apart_deg < _LEAST_APART_DEG:
+                raise ValueError(
+                    f"geometry.angles_deg: tubes at {a_deg:g} and {b_deg:g} are {apart_deg:g} degrees apart; "
+                    f"allowed: three different azimuths, at least {_LEAST_APART_DEG:g} degrees apart"
+                )
         if self.solver.method == "ph" and any(self.rigid_m[:-1]):
             raise ValueError("geometry.rigid_mm: solver.method ph allows a piece after the last section only")
         return self

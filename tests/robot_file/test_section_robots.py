@@ -43,8 +43,12 @@ def test_layouts_of_tubes(cbha):
     assert TriTube.model_validate(cbha).tube_angles_deg[0] == (0.0, 120.0, 240.0)
     cbha["geometry"]["angles_deg"] = [10, 130, 250]
     assert TriTube.model_validate(cbha).tube_angles_deg[1] == (10.0, 130.0, 250.0)
-    cbha["geometry"]["angles_deg"] = [10, 370, 250]
-    with pytest.raises(ValidationError, match="different azimuths"):
+
+
+@pytest.mark.parametrize("angles_deg", [[10, 370, 250], [0, 0.5, 120], [0, 359.5, 120], [120, 119.99, 0]])
+def test_tubes_at_one_azimuth_are_refused_in_either_sense(cbha, angles_deg):
+    cbha["geometry"]["angles_deg"] = angles_deg
+    with pytest.raises(ValidationError, match="degrees apart; allowed: three different azimuths"):
         TriTube.model_validate(cbha)
 
 
