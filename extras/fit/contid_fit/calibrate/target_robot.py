@@ -1,4 +1,4 @@
-"""The robot of a file that is calibrated, and writing the result back."""
+"""Which robot of a file a calibration is about, and writing what it found into that file."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from contid.errors import ContidError
-from contid.robot_file.edit import Change, edited
+from contid.robot_file.edit import Change, edited, set_values
 from contid.robot_file.load import load_named, load_robot_file, parse_robot_file
 from contid.robot_file.robot import RobotDescription
-from contid.whole_file import replacing
 
 _Kind = TypeVar("_Kind", bound=RobotDescription)
 
@@ -42,7 +41,7 @@ def find_robot(file: str, name: str | None, kind: type[_Kind], label: str) -> tu
 def write_back(path: Path, robot: str, changes: Sequence[Change], measured: Sequence[str] = ()) -> None:
     """Write calibrated values below ``robots.ROBOT`` and remove them from its placeholders.
 
-    The new text is checked as a robot file before it replaces the old one atomically.
+    The new text is checked as a robot file before it replaces the old one in one step.
 
     Args:
         path: path of the robot file.
@@ -62,7 +61,5 @@ def write_back(path: Path, robot: str, changes: Sequence[Change], measured: Sequ
     edits = [Change(front + change.key, change.value, change.comment) for change in changes]
     if len(rest) < len(marked):
         edits.append(Change(front + "placeholder", rest))
-    text = edited(loaded.text, edits)
-    parse_robot_file(text, str(path))
-    with replacing(path) as file:
-        file.write(text.encode())
+    parse_robot_file(edited(loaded.text, edits), str(path))
+    set_values(path, edits)
