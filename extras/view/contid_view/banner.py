@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import FaultLatched, ModeChanged
-from contid.control.tick.faults import PAGES, Fault
+from contid.control.tick.faults import PAGES
 
 
 class Banner:
@@ -36,6 +36,7 @@ class Banner:
     @staticmethod
     def _fault(robot: str, event: FaultLatched) -> str:
         what = event.detail or event.message
-        page = PAGES.get(Fault(event.fault))
-        remedy = "" if page is None else f"\n\nRemedy: {page.remedy}"
+        # A recording of a later version may have a fault that this one does not know.
+        remedies = (page.remedy for fault, page in PAGES.items() if fault == event.fault)
+        remedy = "".join(f"\n\nRemedy: {each}" for each in remedies)
         return f"# FAULT {event.fault} · {robot}: {what}{remedy}"

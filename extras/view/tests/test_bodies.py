@@ -118,3 +118,9 @@ def test_the_banner_has_modes_and_a_fault_with_its_remedy_until_it_is_cleared() 
     assert not banner.changed(ModeChanged(robot="left", mode="FAULT", tick=2))
     assert banner.changed(ModeChanged(robot="left", mode="HOLD", tick=9))
     assert banner.text() == "left **HOLD** · right **OFF**"
+
+
+def test_the_banner_shows_a_fault_of_a_later_version_without_a_remedy() -> None:
+    banner = Banner(["left"])
+    assert banner.changed(FaultLatched(robot="left", fault=399, name="new", message="it is new", tick=2))
+    assert banner.text() == "# FAULT 399 · left: it is new"
