@@ -1,4 +1,4 @@
-"""What the commands share: robots with a moving body, and the option ``--at``, a pose by values of axes."""
+"""What `contid modes` and `contid export` share: robots with a moving body, and ``--at``, a pose by its axes."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 POSE: Final = click.option(
     "--at",
     multiple=True,
-    metavar="AXIS=VALUE",
-    help="An axis of the pose [mm or bar]; others are at rest.",
+    metavar="COLUMN=NUMBER",
+    help="An axis of the pose with its unit, such as s1.p1_bar=0.6; others are at rest.",
 )
 
 
@@ -51,7 +51,7 @@ def actuation_at(
         others: names of further robots; ``NAME.AXIS`` of one of them is none of this robot.
 
     Raises:
-        click.UsageError: a part is no number of an axis of the robot.
+        click.UsageError: a part is no number of an axis of the robot, or is outside the limits of that axis.
     """
     columns = [f"{axis}_{robot.quantity.unit}" for axis in robot.axis_names]
     actuation = list(robot.rest[: len(columns)])
@@ -59,7 +59,7 @@ def actuation_at(
         column, _, text = part.partition("=")
         if column.partition(".")[0] in others and column not in columns:
             continue
-        own = column.removeprefix(f"{name}.")
+        own = column if column in columns else column.removeprefix(f"{name}.")
         try:
             value = float(text)
             if not math.isfinite(value):
@@ -70,5 +70,9 @@ def actuation_at(
             ) from error
         if own not in columns:
             raise click.UsageError(f"--at {part!r}: no such axis; allowed: {', '.join(columns)}")
-        actuation[columns.index(own)] = robot.quantity.to_si(value)
+        number = columns.index(own)
+        low, high = (robot.quantity.from_si(limits[number]) for limits in (robot.lower, robot.upper))
+        if not low <= value <= high:
+            raise click.UsageError(f"--at {part!r}: outside the limits of the axis, {low:g} to {high:g}")
+        actuation[number] = robot.quantity.to_si(value)
     return actuation

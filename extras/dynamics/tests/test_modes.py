@@ -29,6 +29,7 @@ from contid_devices.homing.moving_commands import require_writable
 from contid_dynamics import schedule
 from contid_dynamics.arm import MovingArm
 from contid_dynamics.command import command
+from contid_dynamics.pose_option import actuation_at
 from contid_dynamics.report import pose_modes
 from tests.oracles.rod_energies import energy_frequencies
 
@@ -138,10 +139,16 @@ def test_the_command_prints_modes_and_names_what_is_missing(
 
 @pytest.mark.parametrize(
     ("at", "words"),
-    [("s1.t1_mm=nan", "allowed: COLUMN=NUMBER"), ("s1.t1_mm=500", "arm: no equilibrium at --at")],
+    [
+        ("tendon3 s1.t1_mm=nan", "allowed: COLUMN=NUMBER"),
+        ("tendon3 s1.t1_mm=500", "outside the limits of the axis, -"),
+        ("stiffflop2 s1.p1_bar=60", "outside the limits of the axis, 0 to "),  # kPa
+        ("stiffflop2 s1.p1_bar=-0.1", "outside the limits of the axis, 0 to "),
+    ],
 )
 def test_a_pose_that_is_none_is_refused(at: str, words: str) -> None:
-    done = CliRunner().invoke(command, ["tendon3", "--at", at])
+    robot, pose = at.split()
+    done = CliRunner().invoke(command, [robot, "--at", pose])
     assert done.exit_code != 0
     assert words in done.output + str(done.exception)
 
@@ -304,3 +311,8 @@ def test_a_frequency_that_shaping_does_not_take_is_not_recommended(tmp_path: Pat
     assert "0.37 Hz" in done.output
     assert "its first mode is not shaped: rates.shape takes 0.5 to 100 Hz" in done.output
     assert "rates with shape" not in done.output
+
+
+def test_a_robot_with_the_name_of_a_section_has_its_axes() -> None:
+    (robot,) = load_named("tendon3").driven.values()
+    assert actuation_at(robot, "s1", ("s1.t1_mm=3",)) == actuation_at(robot, "arm", ("arm.s1.t1_mm=3",))
