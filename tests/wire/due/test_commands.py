@@ -137,6 +137,11 @@ def test_parked_by_command(world, tmp_path, configs):
     emulator.switch({"fault": "brown_out"})
     shown = CliRunner().invoke(firmware_command, ["info", str(file)])
     assert "position lost" in shown.output
+    for other in (["--dry-run"], ["--here"], ["--force"], ["--at-mm", "3"]):
+        refused = CliRunner().invoke(home_command, [str(file), "--parked", *other])
+        assert (refused.exit_code, "--parked goes alone" in refused.output) == (2, True)
+    shown = CliRunner().invoke(firmware_command, ["info", str(file)])
+    assert "position lost" in shown.output
     done = CliRunner().invoke(home_command, [str(file), "--parked"], catch_exceptions=False)
     assert done.exit_code == 0, done.output
     assert done.output.count("parked at 229.183 deg (reads 229.15)") == 3

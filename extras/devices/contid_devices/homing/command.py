@@ -56,6 +56,8 @@ def command(
     from contid.robot_file.load import find_robot_file
     from contid_devices.homing.stop_server import StopServer
 
+    if parked and (here or force or dry_run or at_mm):
+        raise click.UsageError("--parked goes alone: it moves nothing, and the board takes the pose at once")
     path = find_robot_file(robot_file)
     loaded = load_robot_file(path)
     buses = wired_buses(loaded)
