@@ -1,16 +1,21 @@
-// Exact inverse kinematics of the unloaded rod: each section is a circular arc.
+// Exact inverse kinematics of the unloaded rod: each section is a circular arc, then a straight link.
 //
-// Without load the strains of a section are constant. Its end determines its arc, the arc its three pressures; two
-// sections with a tip direction form a biarc with one free parameter, of which the member nearest to the centre is
-// taken.
+// Without load the strains of a section are constant. The end of an arc that begins along e3 determines it, the arc its
+// three pressures. An arc may be drawn as two tangents of one length d, along e3 and along the tangent t at its end:
+// it ends at d (e3 + t), and t is the mirror image of e3 at the chord. Two sections with a tip direction form a biarc
+// with one free parameter, d of the first section; of `kMembers` members the one nearest to the centre is taken.
 #pragma once
 
 #include "solve.hpp"
 
 namespace contid {
 
+// Members of the family of biarcs, and d of the first and the last as a share of the length; 0.5 is straight.
 constexpr int kMembers = 9;
+constexpr double kLeastTangent = 0.3, kTangentRange = 0.8;
 
+// Mean x of the three pressures that stretches a section to `stretch` times its length: 3 f x / (A E(x)) = stretch - 1
+// with f the force of a pair of chambers per bar; beyond the pressures of its modulus E by the modulus at their end.
 inline double average_pressure(const Section& s, double stretch) {
   const double push = 3.0 * s.pair_force / s.area, strain = stretch - 1.0, top = s.modulus_up_to;
   double slope;
@@ -29,7 +34,8 @@ inline double average_pressure(const Section& s, double stretch) {
   return x;
 }
 
-// Pressures of the arc that ends at `end`, and false where there is none.
+// Pressures of the arc that ends at `end`, and false where there is none: their sum stretches it, their moments bend it
+// by the angle theta = 2 half, with M = E I theta / L about the axis (-y, x) / r.
 inline bool arc_pressures(const Section& s, Vec end, double* p) {
   const double r = std::hypot(end.x, end.y), half = std::atan2(r, end.z), chord = norm(end);
   const double arc = chord * (half > 1e-8 ? half / std::sin(half) : 1.0);
@@ -46,6 +52,7 @@ inline bool arc_pressures(const Section& s, Vec end, double* p) {
   return finite(q);
 }
 
+// Pressures of an arc and its link that end at `tip`: |tip - d e3| = d + link gives d.
 inline bool tip_pressures(const Section& s, Vec tip, double* p) {
   if (s.link == 0.0) return arc_pressures(s, tip, p);
   const double d = (dot(tip, tip) - s.link * s.link) / (2.0 * (tip.z + s.link));
@@ -53,12 +60,15 @@ inline bool tip_pressures(const Section& s, Vec tip, double* p) {
   return arc_pressures(s, d * (e3 + tangent), p);
 }
 
+// Pressures of two sections, the first of which ends at `mid`, before its link; m is its tangent there.
 inline bool mid_and_tip_pressures(const Section& first, const Section& second, Vec mid, Vec tip, double* p) {
   const Vec m = (2.0 * mid.z / dot(mid, mid)) * mid - Vec{0, 0, 1};
   const Vec rest = transposed_times(tilt(m), tip - mid - first.link * m);
   return arc_pressures(first, mid, p) && tip_pressures(second, rest, p + 3);
 }
 
+// Pressures of the biarc that ends at `tip` along `t`, for the length d1 of the tangents of the first arc. The tangents
+// of both form a polygon, d1 e3 + (d1 + link + d2) m + d2 t = end, whose middle part has a known length: that gives d2.
 inline bool tip_and_direction_pressures(const Section& first, const Section& second, Vec tip, Vec t, double d1,
                                         double* p) {
   const Vec e3{0, 0, 1}, end = tip - second.link * t;
@@ -69,7 +79,7 @@ inline bool tip_and_direction_pressures(const Section& first, const Section& sec
   return mid_and_tip_pressures(first, second, d1 * (e3 + m), tip, p);
 }
 
-// Pressures of the unloaded closed form, clamped; false where there is none for this task.
+// Pressures of the unloaded closed form for one or two sections, clamped; false where there is none for this task.
 inline bool unloaded(const Rod& rod, const Task& task, const Limits& limits, double* p) {
   bool found = false;
   if (rod.count == 1) {
@@ -81,7 +91,7 @@ inline bool unloaded(const Rod& rod, const Task& task, const Limits& limits, dou
     } else if (task.has_direction) {
       double best = std::numeric_limits<double>::infinity(), member[6];
       for (int i = 0; i < kMembers; ++i) {
-        const double d1 = (0.3 + 0.8 * i / (kMembers - 1)) * first.length;
+        const double d1 = (kLeastTangent + kTangentRange * i / (kMembers - 1)) * first.length;
         if (!tip_and_direction_pressures(first, second, task.tip, task.direction, d1, member)) continue;
         double away = 0.0;
         for (int j = 0; j < 6; ++j) away += (member[j] - limits.centre[j]) * (member[j] - limits.centre[j]);
