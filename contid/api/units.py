@@ -7,11 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from contid.kinematics.array import Array
 from contid.robot_file.base import Quantity
-from contid.units import MM_PER_M
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,13 +16,13 @@ class Units:
     """A choice of units; forces are in N and times in s in both.
 
     Attributes:
-        si: m and Pa instead of mm and bar.
+        si: m, Pa and rad instead of mm, bar and degrees.
     """
 
     si: bool = False
 
     def name(self, quantity: Quantity) -> str:
-        """``mm``, ``m``, ``bar`` or ``Pa``: unit of the axes of a robot."""
+        """Unit of a quantity: ``mm``, ``bar`` or ``deg``, with ``si`` ``m``, ``Pa`` or ``rad``."""
         if not self.si:
             return quantity.unit
         return {Quantity.LENGTH: "m", Quantity.PRESSURE: "Pa", Quantity.ANGLE: "rad"}[quantity]
@@ -36,29 +33,20 @@ class Units:
         return self.name(Quantity.LENGTH)
 
     def to_si(self, values: Array, quantity: Quantity = Quantity.LENGTH) -> Array:
-        """Values of a caller in m or Pa, rounded as those of a file."""
-        return values if self.si else _to_si(values, quantity)
+        """A caller's values in m, Pa or rad, rounded as those of a file; with ``si`` the array itself."""
+        return values if self.si else quantity.to_si(values)
 
     def from_si(self, values: Array, quantity: Quantity = Quantity.LENGTH) -> Array:
-        """Values in m or Pa for a caller, rounded as those of a file."""
-        return values if self.si else _from_si(values, quantity)
+        """Values in m, Pa or rad for a caller, rounded as those of a file; with ``si`` the array itself."""
+        return values if self.si else quantity.from_si(values)
 
     def change_from_si(self, values: Array, quantity: Quantity = Quantity.LENGTH) -> None:
         """`from_si` in place."""
         if not self.si:
-            _from_si(values, quantity, out=values)
+            divisor, factor = quantity.edge_si
+            values /= factor
+            values *= divisor
 
     def scale(self, quantity: Quantity = Quantity.LENGTH) -> float:
-        """Caller's units per m or Pa, for derivatives."""
+        """Caller's units per m, Pa or rad, for derivatives."""
         return 1.0 if self.si else quantity.per_si
-
-
-def _to_si(values: Array, quantity: Quantity) -> Array:
-    # The operations of `Quantity.to_si`, so that an array has the bits of a file with the same numbers.
-    return values / MM_PER_M if quantity is Quantity.LENGTH else values * quantity.edge_si[1]
-
-
-def _from_si(values: Array, quantity: Quantity, out: Array | None = None) -> Array:
-    if quantity is Quantity.LENGTH:
-        return np.multiply(values, MM_PER_M, out=out)
-    return np.divide(values, quantity.edge_si[1], out=out)

@@ -80,8 +80,8 @@ class Quantity(enum.StrEnum):
         divisor, factor = self.edge_si
         return divisor / factor
 
-    def to_si(self, value: float) -> float:
-        """A number of a file or row, in mm, bar or degrees, as m, Pa or rad."""
+    def to_si(self, value: _Values) -> _Values:
+        """A value in mm, bar or degrees as m, Pa or rad, rounded once; a number or an array."""
         divisor, factor = self.edge_si
         return value / divisor * factor
 
