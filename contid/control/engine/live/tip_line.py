@@ -6,7 +6,9 @@ their greatest derivatives q', q'', q''' the bounds
 
     |q'| v <= V        |q''| v^2 + |q'| a <= A        |q'''| v^3 + 3 |q''| v a + |q'| j <= J
 
-hold for the shares of `V`, `A` and `J` that the constants below give to each part.
+hold: each term has the share of `V`, `A` or `J` that a constant below gives it, which makes each rate of s a
+quotient. The derivatives are difference quotients, so a model whose answers are kinked or jump between the
+`POINTS` shares has a slow line: `trirack2`, which is redundant, lines of 98 s instead of 4 s of its axes.
 """
 
 from __future__ import annotations
@@ -22,11 +24,13 @@ from contid.trajectory.approach import Approach
 
 #: Targets on the line for which the model is asked, the ends included.
 POINTS: Final = 9
-#: Shares of the limits: of the velocity, and of what the curvature of the axes takes of the others.
+#: Share of `V` for |q'| v.
 _SPEED: Final = 0.97
+#: Share of `A` for |q''| v^2, and of `J` for |q'''| v^3 and for 3 |q''| v a.
 _CURVED: Final = 0.25
 _TWISTED: Final = 0.1
 _BOTH: Final = 0.25
+#: Share of `A`, and of `J`, for all terms together; what the others leave is for |q'| a, and |q'| j.
 _REST: Final = 0.95
 
 
@@ -90,7 +94,7 @@ def tip_line(config: RobotConfig, start: Target, end: Target, command: Actuation
 
 
 def _rates(config: RobotConfig, answers: list[Actuation]) -> tuple[float, float, float]:
-    """Greatest velocity, acceleration and jerk of the share, from the axes at equal shares."""
+    """Greatest velocity, acceleration and jerk of the share, from the axes at equal shares; 0 at rest."""
     n = float(POINTS - 1)
     slopes, bends, twists = (_greatest(answers, order, n) for order in (1, 2, 3))
     velocity = acceleration = jerk = float("inf")
