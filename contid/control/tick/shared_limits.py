@@ -1,9 +1,10 @@
 """Limits that several axes share, such as a bend radius: steps from which the axes can stop inside them.
 
-A shared limit is a function e of the axes, positive beyond it, and convex. In one tick it changes by up to
-``c = sum |de/dx_i| a_i h^2``, less what the motion along a curved limit needs, so the greatest step of e that
-can be braked in the room -e is that of one axis (`contid.control.tick.limits`) with these two numbers. Only
-the motion towards the limit is braked, with every axis that moves by the same share of what it can.
+A shared limit is a function e of the axes, positive beyond it, and convex. A step changes e, and from tick to
+tick its step can change by up to ``c = sum |de/dx_i| a_i h^2``, less what the motion along a curved limit
+needs. So the greatest step of e that can be braked in the room -e is that of one axis with these two numbers
+(`contid.control.tick.limits.brake_step`). Only the motion towards the limit is braked, with every axis that
+moves by the same share of what it can.
 """
 
 from __future__ import annotations
@@ -135,8 +136,9 @@ def _exceeded(
             continue
         gradient = shared.gradient(command, number)
         change = sum([abs(slope) * brake for slope, brake in zip(gradient, brakes, strict=True)])
-        on = tuple([new + d for new, d in zip(command, steps, strict=True)])
-        change = max(change - max(0.0, shared.excess(on)[number] - there - step), _LEAST * change)
+        # One more such step, without brakes: what it adds to e beyond the last one is the curvature.
+        onward = tuple([new + d for new, d in zip(command, steps, strict=True)])
+        change = max(change - max(0.0, shared.excess(onward)[number] - there - step), _LEAST * change)
         if change <= 0.0 or stops_within(room + _ROUNDING_M, step, change):
             continue
         too_far = step - brake_step(-here, change)
@@ -163,6 +165,7 @@ def _braked(
     """
 
     def at(share: float) -> Actuation:
+        """The command where the axes brake by a share of twice their greatest change: from speeding up."""
         moved = []
         for value, slope, brake, start, (low, high) in zip(
             command, bound.gradient, brakes, last, ends, strict=True
@@ -176,6 +179,7 @@ def _braked(
         return tuple(moved)
 
     def left(there: Actuation) -> float:
+        """By how much it goes too far still [m]."""
         moves = zip(bound.gradient, there, command, strict=True)
         return bound.too_far_m + sum([slope * (new - old) for slope, new, old in moves])
 

@@ -147,7 +147,10 @@ class ClearanceWatch(TickStage):
         return tick_again(config, state, now_s, self._exchange.samples_of(config))
 
     def _placed(self, outcomes: Sequence[TickResult]) -> Walk:
-        """The walk at the last commands, or at the samples of robots without power."""
+        """The walk at the commands of the tick before; where power came or went, and without it, set anew.
+
+        A robot without power is at its samples, before the first at its rest pose.
+        """
         walk = self._walk
         now = {} if walk is None else dict(walk.configuration)
         jumped = walk is None
@@ -186,7 +189,10 @@ class ClearanceWatch(TickStage):
     def _stopped(
         self, index: int, message: str, target: Target | None, now_s: float, timed: bool
     ) -> RobotState:
-        """The state that stops in the shortest way, and why."""
+        """The state of a robot that stops in the shortest way, because of ``message``.
+
+        What it followed is refused, a target of a stream until the next; on a trajectory (``timed``) a fault.
+        """
         config, before = self._robots.configs[index], self._robots.states[index]
         if before.mode in (Mode.RUN, Mode.APPROACH, Mode.HOLD) and (
             before.goto is not None or before.follow or before.squeeze is not None

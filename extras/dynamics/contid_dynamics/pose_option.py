@@ -1,4 +1,4 @@
-"""What `contid modes` and `contid export` share: robots with a moving body, and ``--at``, a pose by its axes."""
+"""What ``contid modes`` and ``contid export`` share: robots with a moving body, and ``--at``, a pose."""
 
 from __future__ import annotations
 

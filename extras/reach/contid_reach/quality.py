@@ -59,7 +59,7 @@ class QualityMap:
         points_m: places in the world [m], shape ``(n, 3)``.
         values: one per place, in `UNITS`, shape ``(n,)``; NaN where the model has no stable answer.
         edge_m: distance of neighbours [m].
-        planar: every place is in the plane z = 0.
+        planar: all places have the same z.
     """
 
     measure: Measure

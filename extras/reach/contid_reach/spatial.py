@@ -40,7 +40,7 @@ class Volume:
         answers: actuation with which the tip is at the centre of a reachable voxel [m or Pa], by its integer
             coordinates; the centre of voxel v is ``v * edge_m``.
         edge_m: edge of a voxel [m].
-        rim: number of voxels with a neighbour that is not reachable.
+        rim: number of reachable voxels with a neighbour that is not.
     """
 
     answers: Mapping[Voxel, Actuation]
@@ -109,7 +109,7 @@ def reachable_volume(
         across: see ``edge_m``.
         samples: random actuations that seed the fill.
         progress: called with the number of voxels tested so far.
-        planar: fill the squares of the plane z = 0.
+        planar: fill the squares of one plane of constant z, the layer of voxels that the base is in.
     """
     neighbours = _NEIGHBOURS[:4] if planar else _NEIGHBOURS
     actuations, tips = sample_tips(model, frame, samples)

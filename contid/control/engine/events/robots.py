@@ -119,7 +119,7 @@ class OrderRefused(RunEvent):
 
     robot: RobotName = ""
     message: Text
-    answers: Annotated[int, "number of the order that it answers, that of the mark behind; 0 without"] = 0
+    answers: Annotated[int, "number of the mark behind the order that was refused; 0 beside orders"] = 0
     stronger: Annotated[str, "policy of an earlier stop, which goes on and leaves less power"] = ""
 
 

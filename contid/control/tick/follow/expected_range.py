@@ -64,11 +64,11 @@ class AxisResponse:
     pushing_a: float = math.inf
 
     def holds(self, way: float, effort: float | None, share: float) -> bool:
-        """True for a device that pushes on something and may yield to it.
+        """True for a device that pushes on something and may yield to it: it may be anywhere.
 
         Args:
             way: command less measurement; one that pushes does so towards its command.
-            effort: as measured [A]; one that is not measured is not judged.
+            effort: as measured [A]; where it is not, every device that yields counts as one that pushes.
             share: to which its effort is limited now.
         """
         if effort is None or self.pushing_a == 0.0:
@@ -90,6 +90,8 @@ class ExpectedRange:
         self._period_s = period_s
         self._look_back = max(delays) + math.ceil(_LOOK_BACK * lag_s / period_s) + 1
         self.past: deque[tuple[float, ...]] = deque(maxlen=self._look_back + math.ceil(OLDEST_S / period_s))
+        #: Per axis: greatest and least dead time in periods; what each lag leaves of a distance in a period;
+        #: greatest change in a period; how many periods it runs ahead.
         self._rates = [
             (
                 delay,
@@ -126,15 +128,17 @@ class ExpectedRange:
         past, lows, highs = self.past, self.lows, self.highs
         past.append(device)
         newest = len(past) - 1
-        for i, (slow, quick, keep, keep_quick, most, lead) in enumerate(self._rates):
-            now = past[max(newest - quick, 0)][i]
-            p, q = past[max(newest - quick - 1, 0)][i], past[max(newest - slow, 0)][i]
-            up, down = (p, q) if p > q else (q, p)
+        for i, (delay, least_delay, keep, least_keep, most, lead) in enumerate(self._rates):
+            # What the quickest device obeys now and obeyed one period before, and the slowest one now.
+            now = past[max(newest - least_delay, 0)][i]
+            before, slowest = past[max(newest - least_delay - 1, 0)][i], past[max(newest - delay, 0)][i]
+            up, down = (before, slowest) if before > slowest else (slowest, before)
             high, low = highs[i], lows[i]
-            ahead = now + (now - p) * lead
+            ahead = now + (now - before) * lead
             above, below = max(up, now, ahead), min(down, now, ahead)
-            highs[i] = max(up + (high - up) * keep, high - most, above + min(high - above, 0.0) * keep_quick)
-            lows[i] = min(down + (low - down) * keep, low + most, below + max(low - below, 0.0) * keep_quick)
+            # A bound comes back by the greatest lag, no faster than the device; it goes out by the least.
+            highs[i] = max(up + (high - up) * keep, high - most, above + min(high - above, 0.0) * least_keep)
+            lows[i] = min(down + (low - down) * keep, low + most, below + max(low - below, 0.0) * least_keep)
 
     def excess(self, axis: int, value: float, age_s: float = 0.0) -> float:
         """Distance of a measurement from the range of its axis, 0 inside.

@@ -140,7 +140,7 @@ def _park(robot_file: Path, buses: Sequence[WiredBus], axes: Sequence[str]) -> N
 
 
 def _home(loaded: LoadedFile, buses: Sequence[WiredBus], axes: Sequence[str], force: bool) -> Iterator[Homed]:
-    """Home one axis after the other, tendons together; every bus is checked before the first moves."""
+    """Home one axis after the other, the tendons of a bus together; buses are checked before one moves."""
     report = functools.partial(click.echo, err=True)
     chosen: list[tuple[bool, WiredBus, Homes, list[str]]] = []
     for bus in buses:
@@ -187,7 +187,7 @@ def _described(loaded: LoadedFile, name: str) -> AxisDescription:
 
 
 def _way_rad(axis: AxisDescription, at_mm: float) -> float:
-    """Device angle from length 0 to ``at_mm``."""
+    """By how much the device turns from length 0 to ``at_mm`` [rad]; 0 for an axis without a length."""
     from contid.control.tick.transmission import axis_map
 
     if axis.mm_per_rev is None:
