@@ -82,9 +82,9 @@ def rests(
             reports.append([robot.quantity.to_si(row.get(column, math.nan)) for column in reported])
         x, y, z = (row[column] / MM_PER_M for column in measured)
         age_s = row[f"sample.{name}.meas.age_s"]
-        # A measurement stays in the records until the next one; its age has the time of the robots.
+        # A measurement stays in the records until the next one; its age grows with the time of the robots.
         captured_s = row["robot_s"] - age_s
-        if not math.isnan(x + y + z + age_s) and captured_s - newest_s > 1e-6:
+        if not math.isnan(x + y + z + age_s) and abs(captured_s - newest_s) > 1e-6:
             newest_s = captured_s
             if t_s - age_s >= since_s + SETTLE_S:
                 times.append(t_s - age_s)
