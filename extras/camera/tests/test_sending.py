@@ -1,4 +1,4 @@
-"""Refusals of measured tips: each reason is told once for each robot, and nothing else ends silently."""
+"""Refusals of measured tips: each reason is named once for each robot, and nothing else ends silently."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ class RefusingDaemon:
         return [self._refusal(robot)]
 
 
-def test_each_robot_has_its_reason_told_once() -> None:
+def test_each_robot_has_its_reason_named_once() -> None:
     """Robots that differ by a digit, and one whose distance changes: `arm2` was taken for `arm1` again."""
-    told: list[str] = []
-    sender = TipSender(cast(Client, RefusingDaemon()), told.append)
+    named: list[str] = []
+    sender = TipSender(cast(Client, RefusingDaemon()), named.append)
     for robot in ("arm1", "arm1", "arm2", "arm2", "arm1"):
         sender.send(TIP, robot)
-    assert [message.partition(":")[0] for message in told] == ["arm1", "arm2"]
+    assert [message.partition(":")[0] for message in named] == ["arm1", "arm2"]
 
 
 def test_another_refusal_than_of_a_measurement_ends_the_tracker() -> None:
