@@ -124,20 +124,20 @@ def test_a_simulated_body_without_its_package_is_refused(core: Path) -> None:
 
 @pytest.mark.parametrize("line", ["contid check", "contid run --mock"])
 @pytest.mark.parametrize(
-    ("name", "words"),
+    ("name", "needed"),
     [
         ("chain", "robots.rope: its model `chain` needs the package contid_ropes"),
         ("hand", "its key `clearance` needs the package contid_clearance"),
     ],
 )
 def test_a_file_whose_watch_is_missing_is_refused_before_a_device_is_opened(
-    line: str, name: str, words: str, core: Path
+    line: str, name: str, needed: str, core: Path
 ) -> None:
     """In real time the run began, ended with a fault before its first tick, and gave exit code 3."""
     done = shell(f"{line} {name}", core)
     assert done.returncode == 2
     (message,) = done.stderr.splitlines()
-    assert f"{words}, which is not installed; `pip install" in message
+    assert f"{needed}, which is not installed; `pip install" in message
 
 
 @pytest.mark.parametrize(

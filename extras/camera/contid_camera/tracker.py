@@ -18,7 +18,7 @@ from contid_camera.tags import SeenTag, TagDetector
 
 #: The corners of a fixed tag are averaged over this number of images.
 AVERAGED: Final = 200
-#: After so many images the pose of the world follows the averages, which go with a camera that creeps.
+#: After this number of images the pose of the world follows the averages, which go with a camera that creeps.
 SOLVED_IMAGES: Final = 20
 #: A fixed tag that is this far from its average has moved, or the camera has [px].
 MOVED_PX: Final = 2.0
