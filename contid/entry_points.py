@@ -83,7 +83,9 @@ def required(group: str, name: str, what: str, extra: str) -> Any:
     """
     found = load_one(group, name)
     if found is None:
-        package = f"contid_{extra}, which is not installed; `pip install contid` installs it"
+        package = (
+            f"contid_{extra}, which is not installed; `pip install --force-reinstall contid` installs it"
+        )
         raise ContidError(f"{what} needs the package {package}")
     return found
 

@@ -118,8 +118,26 @@ def test_a_simulated_body_without_its_package_is_refused(core: Path) -> None:
     assert done.returncode == 2
     assert done.stderr.strip() == (
         "contid: arm: its key `sim` needs the package contid_emulate, which is not installed; "
-        "`pip install contid` installs it"
+        "`pip install --force-reinstall contid` installs it"
     )
+
+
+@pytest.mark.parametrize("line", ["contid check", "contid run --mock"])
+@pytest.mark.parametrize(
+    ("name", "needed"),
+    [
+        ("chain", "robots.rope: its model `chain` needs the package contid_ropes"),
+        ("hand", "its key `clearance` needs the package contid_clearance"),
+    ],
+)
+def test_a_file_whose_watch_is_missing_is_refused_before_a_device_is_opened(
+    line: str, name: str, needed: str, core: Path
+) -> None:
+    """In real time the run began, ended with a fault before its first tick, and gave exit code 3."""
+    done = shell(f"{line} {name}", core)
+    assert done.returncode == 2
+    (message,) = done.stderr.splitlines()
+    assert f"{needed}, which is not installed; `pip install" in message
 
 
 @pytest.mark.parametrize(
@@ -138,7 +156,10 @@ def test_an_option_whose_package_is_missing_is_refused_with_the_remedy(
     (core / "fast.csv").write_text("t_s,left_mm,right_mm\n0,60,60\n0.2,60,60\n0.25,75,60\n0.3,60,60\n")
     done = shell(line, core)
     assert done.returncode == 2
-    assert f"{package}, which is not installed; `pip install contid` installs it" in done.stderr
+    assert (
+        f"{package}, which is not installed; `pip install --force-reinstall contid` installs it"
+        in done.stderr
+    )
 
 
 @pytest.mark.parametrize(
@@ -147,7 +168,9 @@ def test_an_option_whose_package_is_missing_is_refused_with_the_remedy(
 def test_a_command_whose_package_is_missing_is_refused_with_the_remedy(name: str, core: Path) -> None:
     done = shell(f"contid {name} finger", core)
     assert done.returncode == 2
-    assert f"contid {name}` is not installed; `pip install contid` installs it" in done.stderr
+    assert (
+        f"contid {name}` is not installed; `pip install --force-reinstall contid` installs it" in done.stderr
+    )
 
 
 @pytest.mark.parametrize(

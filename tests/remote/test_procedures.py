@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import AsyncIterator, Awaitable, Generator
 from pathlib import Path
 
@@ -120,6 +121,24 @@ def test_more_timed_rows_than_a_daemon_takes_are_refused_by_it() -> None:
     connection.refuse = 50_176  # the first whole batch beyond 50 000 rows
     with pytest.raises(RemoteError, match="another client held"):
         completed(connection.stream(["t_s", "x_mm"], [(0.0, 0.0)] * 60_000))
+
+
+class SleepyConnection(MemoryConnection):
+    """Begin and end of a short motion are read at once: the client did something else meanwhile."""
+
+    async def _wait_notice(self, seconds: float) -> None:
+        self.waits += 1
+        assert self.waits == 1, "nothing more will come"
+        begun = {"event": "started", "move": 3, "tick": 70, "at_s": 1.0, "began_s": 1.0}
+        self._protocol.receive(encode(begun) + encode({"event": "move", "move": 3, "reached": True}))
+
+
+def test_a_motion_that_began_and_ended_before_the_client_looked_is_over() -> None:
+    """`started` took the end for its own, and `wait` waited for another without end."""
+    client = SleepyConnection(timed=True, credits=1)
+    client._protocol.requested_s = math.inf  # no request is due
+    assert completed(client.started(3))["tick"] == 70
+    completed(client.wait(3))
 
 
 def test_asynchronous_rows_are_refused_by_a_blocking_client() -> None:

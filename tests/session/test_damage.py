@@ -219,6 +219,19 @@ def test_damage_inside_is_repaired_in_a_copy_only(
         copy.unlink()
 
 
+def test_a_repair_keeps_the_events_between_the_last_whole_tick_and_the_damage(
+    plain: Path, tmp_path: Path
+) -> None:
+    """The reports of the robots and the end of a run follow its last tick."""
+    ended = json.dumps({"event": "end", "tick": 1}).encode()
+    path = _with(_with(plain, tmp_path, ended), tmp_path, b"[1]")
+    before = summarize(Session(path))
+    assert before.state.startswith("damaged inside")
+    assert "clean, repaired" in repair(path, tmp_path / "copy.mcap")
+    after = summarize(Session(tmp_path / "copy.mcap"))
+    assert (after.ticks, after.events) == (before.ticks, before.events)
+
+
 def test_compaction_does_not_drop_what_follows_damage(growing: Path, tmp_path: Path) -> None:
     path = tmp_path / "s.mcap"
     data = bytearray(growing.read_bytes())

@@ -34,6 +34,7 @@ def command(robot_file: str, trajectory: str | None, budget: bool, as_json: bool
     """
     from contid.errors import BadInputError, ContidError
     from contid.robot_file.load import load_named
+    from contid.robot_file.needs import require_extras
     from contid.robot_file.proven.bringup import bringup_findings
     from contid.robot_file.summary import summarise
 
@@ -51,6 +52,7 @@ def command(robot_file: str, trajectory: str | None, budget: bool, as_json: bool
             )
             return
         loaded = load_named(robot_file)
+        require_extras(loaded)
     except BadInputError as error:
         if not as_json:
             raise

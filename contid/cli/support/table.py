@@ -80,7 +80,9 @@ class TableGroup(click.Group):
         except click.UsageError as error:
             if any(args[0] in names for names in self.sections.values()):
                 missing = f"the package of `{ctx.command_path} {args[0]}` is not installed"
-                raise click.UsageError(f"{missing}; `pip install contid` installs it", ctx) from error
+                raise click.UsageError(
+                    f"{missing}; `pip install --force-reinstall contid` installs it", ctx
+                ) from error
             if near := difflib.get_close_matches(args[0], self.list_commands(ctx), n=1):
                 raise click.UsageError(f"{error.message} Did you mean {near[0]!r}?", ctx) from error
             raise

@@ -23,6 +23,7 @@ from contid.entry_points import STRETCHES, required
 from contid.errors import ContidError
 from contid.robot_file.document import MAX_RATE_HZ
 from contid.robot_file.load import LoadedFile, load_named, with_mock
+from contid.robot_file.needs import require_extras
 from contid.robot_file.summary import feedback_line
 from contid.robot_file.tick_rate import rate_too_high, watchdog_too_short
 from contid.trajectory.timed import Trajectory
@@ -77,10 +78,12 @@ def load(request: RunRequest) -> LoadedFile:
     """Load and check the robot file.
 
     Raises:
-        ContidError: it is wrong, its tip feedback is unstable, or the kernels are not compiled.
+        ContidError: it is wrong, its tip feedback is unstable, it needs an extra that is not installed, or
+            the kernels are not compiled.
     """
     kernels.require()
     loaded = load_named(request.robot_file)
+    require_extras(loaded)
     for name in loaded.driven:
         feedback_line(loaded, name)
     if request.rate_hz is not None:

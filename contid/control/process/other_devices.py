@@ -1,4 +1,4 @@
-"""Devices that answer now beside those of the bring-up: found by ``doctor``, and before a run begins."""
+"""Devices that answer now, compared with those of the bring-up: by ``doctor``, and before a run begins."""
 
 from __future__ import annotations
 

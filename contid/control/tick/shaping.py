@@ -138,7 +138,7 @@ def next_shaped(
         goal: where the motion goes, as far as that is known.
         load_n: known force on the tip.
     """
-    if command == last and before.ticks_left <= 1:
+    if command == last and before.ticks_left <= 1:  # at rest, or its last part goes out now
         return Shaped((), command, 0)
     shaper = choose(goal, load_n) if before.shaper is None else before.shaper
     longest = shaper.ages[-1]

@@ -1,5 +1,12 @@
-// The lengths a chain of sections may take: a convex set, with a number for every limit.
-// contid/kinematics/arc/feasible.py names the limits in the same order.
+// The lengths l a chain of sections may take: a convex set. Its limits have numbers, in the order of
+// contid/kinematics/arc/feasible.py, which names them; n = size() lengths, N sections. Of limit
+//
+//     0 .. n-1           low_i - l_i            least length           } flat: linear in l
+//     n .. 2n-1          l_i - high_i           greatest length        }
+//     2n .. 2n+2         sum_s l_sj - rack      rack j of all sections }
+//     2n+3 .. 2n+2+N     d (theta - kappa_max L)   bend of a section, a cone; theta = |(u, v)|
+//
+// the excess [m] is positive where it is exceeded.
 #pragma once
 
 #include <bitset>
@@ -17,8 +24,9 @@ using LimitSet = std::bitset<64>;
 
 struct Feasible {
   Sections sections;
-  double low[kMaxLengths], high[kMaxLengths], home[kMaxLengths];
-  double metric[kMaxLengths * kMaxLengths];  // of the distance from home
+  double low[kMaxLengths], high[kMaxLengths];
+  double home[kMaxLengths];                  // straight, well inside every limit
+  double metric[kMaxLengths * kMaxLengths];  // of the distance from home, which resolves redundancy
   double rack = kInfinity;                   // maximum sum of one rack's lengths [m]
   double curvature_max = kInfinity;          // [1/m]
 
@@ -33,14 +41,12 @@ struct Feasible {
     return std::fmin(sum, rack) + rigid;
   }
 
-  // sum_s l_sj - rack
   double rack_excess(const double* l, int j) const {
     double sum = 0.0;
     for (int i = j; i < size(); i += 3) sum += l[i];
     return sum - rack;
   }
 
-  // d (theta - kappa_max L)
   double bend_excess(const double* l, int s) const {
     if (curvature_max == kInfinity) return -kInfinity;
     double uvl[3];

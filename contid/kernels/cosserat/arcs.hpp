@@ -6,7 +6,8 @@
 //
 //     R w = w - (w.q) (A e + B q)  across e,      R e = A q + (cos ks) e,      R u = u,
 //
-// so that a column is a sum of five vectors times numbers that all three pressures share.
+// so that a column is a sum of five vectors times numbers that all three pressures share. p is the position at s over
+// the stretch 1 + epsilon: (B q + integral of cos ks e) at the end.
 #pragma once
 
 #include "rod.hpp"
@@ -61,7 +62,7 @@ struct NoDerivatives {
   static constexpr bool kWanted = false;
 };
 
-// Derivatives of a sweep: the first `base` columns are of the base moment, which turns nothing.
+// Derivatives of a sweep: the first `base` columns are of the base moment, which is 0 here and stays it: they are 0.
 struct ArcDerivatives {
   static constexpr bool kWanted = true;
   Sweep& out;

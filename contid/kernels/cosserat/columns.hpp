@@ -35,7 +35,12 @@ inline void add_cross(Vec a, const double (&in)[3][kMostColumns], int count, dou
   }
 }
 
-// What the rates of the columns take from one stage of an element: the frame's axes, the force and the moment there.
+// What the rates of the columns take from one stage of an element: frame, position, total force N and moment M there.
+// With the tangent e = R e3, V = R v and a change of the frame by `turn`, element.py's
+//
+//     shift' = lever x turn + (along . turn) e,    lever = N / GA - V,    along = (1/EA - 1/GA) e x N;
+//
+// the pressures of the section itself add soft_turn and soft_shift, for they change its modulus and stretch it.
 struct Stage {
   Mat R;
   Vec p, N, M, lever, along, soft_turn, soft_shift;

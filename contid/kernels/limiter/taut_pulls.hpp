@@ -1,5 +1,6 @@
-// Pulls as bends and tightness: contid/kinematics/tendon/taut.py has the meaning, tension.py the equations. With
-// tensions tau = tau0 + k (q - G Theta), bends Theta = B q, floor f and tensions n that do not bend:
+// Pulls q of tendons as bends of the sections and tightness of their tendons: contid/kinematics/tendon/taut.py has the
+// meaning, tension.py the equations. With tensions tau = tau0 + k (q - G Theta), bends Theta = B q, the tensions D
+// Theta that hold them, floor f and tensions n that do not bend:
 //
 //     tightness of a section      lambda = min over its tendons of (tau - f) / n
 //     pulls of both               q = G Theta + (D Theta + (max((f - D Theta) / n) + lambda) n - tau0) / k
@@ -26,13 +27,15 @@ struct TautPulls {
   int tendons, sections;
   double floor_n, limit_n;
   std::vector<int> section_of;
-  std::vector<double> slack_free, rest_n, n_per_m;          // per tendon
+  std::vector<double> slack_free, rest_n, n_per_m;          // n, tau0 [N] and k [N/m] per tendon
   std::vector<double> demand, pull_matrix, bends_by_pulls;  // D and G (tendons, 2 sections), B (2 sections, tendons)
   std::vector<double> variables_by_pulls, bend_max_m;       // of the solver; largest bend times length per section
 
   int coordinates() const { return 3 * sections + tendons; }
   int limits() const { return 4 * tendons + sections; }
 
+  // Coordinates of pulls: two bends and, behind those of all sections, one tightness [N] per section; then what is
+  // left.
   void split(const double* pulls, double* out) const {
     const int bends = 2 * sections;
     for (int i = 0; i < bends; ++i) out[i] = dot(&bends_by_pulls[i * tendons], pulls, tendons);
@@ -42,12 +45,13 @@ struct TautPulls {
     for (int t = 0; t < tendons; ++t) out[3 * sections + t] = pulls[t] - held[t];
   }
 
+  // Pulls of coordinates: the inverse of `split`.
   void join(const double* at, double* pulls) const {
     pulls_of(at, at + 2 * sections, pulls);
     for (int t = 0; t < tendons; ++t) pulls[t] += at[3 * sections + t];
   }
 
-  // Tightness of every section [N] of pulls whose bends are known.
+  // lambda of every section [N] of pulls whose bends are known.
   void tightness(const double* pulls, const double* bends, double* out) const {
     std::fill_n(out, sections, std::numeric_limits<double>::infinity());
     for (int t = 0; t < tendons; ++t) {
@@ -66,7 +70,7 @@ struct TautPulls {
     }
   }
 
-  // Pulls of the same bends whose tensions stand above the floor: the tightness of a section is
+  // Pulls of the same bends whose tensions stand farther above the floor: the tightness of a section grows by
   //
   //     width (1 + ln sum_t exp((lack_t - max lack) / width)),        lack_t = (f - D Theta)_t / n_t
   //

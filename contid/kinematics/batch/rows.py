@@ -67,7 +67,7 @@ class Targets:
         mid_m: ArrayLike | None = None,
         load_n: ArrayLike | None = None,
     ) -> Targets:
-        """Targets of anything array-like; one row of a direction, mid-point or load serves every tip.
+        """Targets without frames of anything array-like; one direction, mid-point or load serves every tip.
 
         Raises:
             ValueError: a shape other than ``(rows, 3)`` or ``(3,)``.

@@ -105,7 +105,8 @@ class Procedures(Orders):
         """
         while move not in self._protocol.started:
             await self._listen()
-            self._protocol.arrived(move)  # raises when it was stopped
+            if move not in self._protocol.started:  # else its end, if it came too, is for `wait`
+                self._protocol.arrived(move)  # raises when it was stopped
         return self._protocol.started[move]
 
     async def _send_all(

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Protocol
+from typing import Final, Protocol
 
 from contid.client import Client, Code, RemoteError
 from contid.targets import Vec3
 from contid.units import MM_PER_M
+
+#: A number of a message, but no digit of a name: refusals that differ by it have one reason.
+_NUMBER: Final = re.compile(r"(?<!\w)-?\d[\d.]*(?:e[-+]\d+)?")
 
 
 class SentTip(Protocol):
@@ -34,12 +37,12 @@ class TipSender:
 
     Args:
         client: connected to the daemon.
-        notify: gets each reason of a refusal once.
+        notify: gets each reason of a refusal once per robot.
     """
 
     def __init__(self, client: Client, notify: Callable[[str], None]) -> None:
         self._client, self._notify = client, notify
-        self._printed: set[str] = set()
+        self._notified: set[str] = set()
         self._known: set[str | None] = set()
 
     def send(self, tip: SentTip, robot: str | None) -> None:
@@ -64,8 +67,8 @@ class TipSender:
         for each in refused:
             if each.code != Code.BAD_MEASUREMENT:
                 raise each
-            kind = re.sub(r"[-\d.]+", "", str(each))
-            if kind not in self._printed:
-                self._printed.add(kind)
+            reason = _NUMBER.sub("", str(each))
+            if reason not in self._notified:
+                self._notified.add(reason)
                 self._notify(str(each))
         self._known.add(robot)

@@ -18,6 +18,8 @@ from contid_camera.tags import SeenTag, TagDetector
 
 #: The corners of a fixed tag are averaged over this number of images.
 AVERAGED: Final = 200
+#: After this number of images the pose of the world follows the averages, which go with a camera that creeps.
+SOLVED_IMAGES: Final = 20
 #: A fixed tag that is this far from its average has moved, or the camera has [px].
 MOVED_PX: Final = 2.0
 #: After this number of images with a moved tag its average begins again.
@@ -79,9 +81,13 @@ class TipTracker:
         self._matrix = loaded.camera.matrix
         self._world, self._tip = corners_of(setup.world), corners_of(setup.tip)
         self._detector = TagDetector(loaded.camera, self._world.keys() | self._tip.keys())
+        #: Images in the average of each fixed tag, up to `AVERAGED`, and its mean corners [px].
         self._fixed: dict[int, tuple[int, Array]] = {}
+        #: For how many images in a row a fixed tag was not where it was.
         self._moved: dict[int, int] = {}
+        #: Pose of the world in the camera, and the number of images since it was solved.
         self._world_pose: BodyPose | None = None
+        self._solved_ago = 0
         self._jumps: JumpGate[MeasuredTip] = JumpGate(setup.gate)
 
     def look(self, image: Array, time_s: float) -> Look:
@@ -98,7 +104,7 @@ class TipTracker:
         near = None if last is None or world is None else world.rotation @ last.rotation
         ideal = {tag: each.ideal_px for tag, each in seen.items()}
         body = solve_pose(self._tip, ideal, self._matrix, near)
-        if moved:
+        if moved is not None:
             return Look(seen, None, f"tag {moved} or the camera has moved", body, world)
         if world is None:
             return Look(seen, None, "no fixed tag was seen yet", body, world)
@@ -109,7 +115,7 @@ class TipTracker:
         return Look(seen, None if refusal else measured, refusal, body, world)
 
     def _average(self, seen: dict[int, SeenTag]) -> int | None:
-        """Take the fixed tags of an image into the average; the number of one that has moved."""
+        """Take the fixed tags of an image into the averages; the number of one that has moved, else None."""
         changed, moved = False, None
         for tag in self._world.keys() & seen.keys():
             ideal = seen[tag].ideal_px
@@ -125,9 +131,10 @@ class TipTracker:
             self._moved[tag] = 0
             weight = min(count + 1, AVERAGED)
             self._fixed[tag] = (weight, mean + (ideal - mean) / weight)
-            # Early images count most; later ones change the mean by less and less.
-            changed = changed or weight < AVERAGED or count == 0
-        if changed:
+            changed = changed or weight < AVERAGED
+        self._solved_ago += 1
+        if changed or self._solved_ago >= SOLVED_IMAGES:
+            self._solved_ago = 0
             near = None if self._world_pose is None else self._world_pose.rotation
             places = {tag: mean for tag, (_, mean) in self._fixed.items()}
             self._world_pose = solve_pose(self._world, places, self._matrix, near)

@@ -106,9 +106,16 @@ def pose_arm(robot: RobotDescription, payload_g: float = 0.0) -> MovingArm:
 
 
 def range_over_poses(
-    robot: RobotDescription, poses: int, count: int, payload_g: float = 0.0
+    robot: RobotDescription, poses: int, count: int, payload_g: float = 0.0, *, undamped: bool = False
 ) -> list[tuple[float, float]]:
     """Least and greatest frequency [Hz] of each mode over random actuations within the limits.
+
+    Args:
+        robot: its description.
+        poses: number of actuations.
+        count: number of modes, the slowest first.
+        payload_g: mass on the tip.
+        undamped: the frequencies without damping; else the damped ones, as `VibrationMode` has them.
 
     Raises:
         ContidError: none of them has an equilibrium.
@@ -123,13 +130,21 @@ def range_over_poses(
             arm.settle(actuation.tolist())
         except ArithmeticError:
             continue  # tendons that pull against each other beyond what bends the backbone
-        rows.append(arm.rod.modes().frequency_hz[:count])
+        found = arm.rod.modes()
+        rows.append((found.frequency_hz if undamped else _damped_hz(found))[:count])
     if not rows:
         raise ContidError(f"no equilibrium at any of {poses} random poses; ask for more")
     return list(zip(np.min(rows, axis=0).tolist(), np.max(rows, axis=0).tolist(), strict=True))
 
 
+def _damped_hz(found: Modes) -> Array:
+    """Damped frequencies [Hz], 0 above critical damping."""
+    damped: Array = found.frequency_hz * np.sqrt(np.maximum(1.0 - found.ratio**2, 0.0))
+    return damped
+
+
 def _mode(arm: MovingArm, found: Modes, k: int, nodes: Array, strain: Array) -> VibrationMode:
+    """Mode ``k`` of an arm at rest with these nodes and strains; its shape is a difference of poses."""
     free = arm.rod.elements.strains
     change = np.zeros((arm.rod.count, STRAINS))
     change[:, :free] = found.strain[k].reshape(-1, free)
@@ -139,12 +154,11 @@ def _mode(arm: MovingArm, found: Modes, k: int, nodes: Array, strain: Array) -> 
     arm.rod.put(strain)
     most = max(float(np.linalg.norm(moved[:, :3], axis=1).max()), 1e-12)
     length = float(np.linalg.norm(tip))
-    ratio, undamped = float(found.ratio[k]), float(found.frequency_hz[k])
-    rate = 2.0 * math.pi * undamped
-    # Above critical damping the slower of the two exponentials counts.
-    decay = ratio * rate if ratio < 1.0 else rate * (ratio - math.sqrt(ratio * ratio - 1.0))
+    ratio, rate = float(found.ratio[k]), 2.0 * math.pi * float(found.frequency_hz[k])
+    # Above critical damping the slower of the two exponentials counts: rate (ratio - sqrt(ratio^2 - 1)).
+    decay = ratio * rate if ratio < 1.0 else rate / (ratio + math.sqrt(ratio * ratio - 1.0))
     return VibrationMode(
-        undamped * math.sqrt(max(0.0, 1.0 - ratio * ratio)),
+        float(_damped_hz(found)[k]),
         ratio,
         math.log(100.0) / decay if decay > 0.0 else math.inf,
         tuple((tip / length).tolist()) if length > _STANDS * most else (),

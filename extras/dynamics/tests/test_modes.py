@@ -30,7 +30,7 @@ from contid_dynamics import schedule
 from contid_dynamics.arm import MovingArm
 from contid_dynamics.command import command
 from contid_dynamics.pose_option import actuation_at
-from contid_dynamics.report import pose_modes
+from contid_dynamics.report import pose_modes, range_over_poses
 from tests.oracles.rod_energies import energy_frequencies
 
 SHIPPED = ("stiffflop1", "stiffflop2", "chambers3", "bend1", "tendon3", "ftdcr_v4")
@@ -151,6 +151,19 @@ def test_a_pose_that_is_none_is_refused(at: str, words: str) -> None:
     done = CliRunner().invoke(command, [robot, "--at", pose])
     assert done.exit_code != 0
     assert words in done.output + str(done.exception)
+
+
+def test_the_range_over_poses_has_the_frequencies_of_the_table() -> None:
+    """A mode above critical damping was 0 Hz in the table and 20 to 31 Hz over poses."""
+    robot = load_named("stiffflop1").driven["arm"]
+    assert isinstance(robot, Cosserat)
+    assert robot.dynamics is not None
+    slow = robot.model_copy(update={"dynamics": robot.dynamics.model_copy(update={"damping_ms": 400.0})})
+    assert pose_modes(slow, robot.rest, 2).modes[0].frequency_hz == 0.0
+    assert range_over_poses(slow, 2, 2) == [(0.0, 0.0)] * 2
+    light = range_over_poses(robot, 2, 1)[0]
+    undamped = range_over_poses(robot, 2, 1, undamped=True)[0]
+    assert all(0.9 * b < a < b for a, b in zip(light, undamped, strict=True))
 
 
 def test_a_mode_that_never_stops_has_no_time_in_json(tmp_path: Path) -> None:

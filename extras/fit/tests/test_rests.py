@@ -32,7 +32,7 @@ def session(lost: set[int]) -> Any:
     """One rest of a second at 1 bar; the first regulator reports 1.02 bar except in the ticks ``lost``."""
     rows = Recorded()
     for k in range(100):
-        row = {"t_s": 0.01 * k, "sample.arm.meas.age_s": 0.0}
+        row = {"t_s": 0.01 * k, "robot_s": 0.01 * k, "sample.arm.meas.age_s": 0.0}
         row |= {f"sample.arm.meas.{axis}_mm": float(k) for axis in "xyz"}
         for name in robot().axis_names:
             column = name.replace(".", "_")
@@ -50,6 +50,17 @@ def test_a_lost_report_does_not_count() -> None:
     assert found.reported == pytest.approx((1.02e5,) * len(arm.axis_names))
 
 
+def test_a_measurement_that_ticks_were_skipped_behind_counts_once() -> None:
+    """Its age has the time of the robots, which skipped ticks do not advance; the clock goes on."""
+    arm, rows = robot(), session(set())
+    for k, row in enumerate(rows):
+        row["sample.arm.meas.age_s"] = 0.01 * (k % 5)
+        row |= {f"sample.arm.meas.{axis}_mm": float(k // 5) for axis in "xyz"}
+        row["t_s"] += 0.03 if k > 72 else 0.0
+    (found,) = rests(rows, "arm", arm, build_model(arm))
+    assert len(found.tips) == len({tuple(tip) for tip in found.tips.tolist()}) == 10
+
+
 def test_a_regulator_that_reports_nothing_is_named_as_the_reason() -> None:
     with pytest.raises(
         CalibrationError, match=r"rests\.mcap: arm has a rest in which a regulator reports no"
@@ -63,6 +74,7 @@ def test_an_arm_that_was_disarmed_settles_anew() -> None:
     for second in range(4):
         for row in session(set()):
             row["t_s"] += second
+            row["robot_s"] += second
             if 1.0 <= row["t_s"] < 1.2:
                 row |= {key: math.nan for key in row if key.startswith("command.")}
             rows.append(row)

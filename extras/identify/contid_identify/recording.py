@@ -85,7 +85,7 @@ def read_recording(path: Path, name: str) -> RobotRecording:
     frame = BaseFrame.of(robot.base)
     count = len(robot.all_axis_names)
     period_s = 1.0 / session.rate_hz
-    start_s = -1.0
+    start_s, newest_s = -1.0, -np.inf
     sent: list[Array] = []
     axis_at: list[list[float]] = [[] for _ in range(count)]
     axis_values: list[list[float]] = [[] for _ in range(count)]
@@ -116,8 +116,11 @@ def read_recording(path: Path, name: str) -> RobotRecording:
                 axis_at[k].append(axis.time_s - start_s)
                 axis_values[k].append(values[k])
         captured_s = tick.deadline_s - record.measured_age_s - start_s
+        # It stays in the records until the next one; its age grows with the time of the robots.
+        by_ticks_s = (tick.tick - tick.skipped) * period_s - record.measured_age_s
         fresh = np.isfinite(captured_s) and np.isfinite(record.measured_tip_m).all()
-        if fresh and (not tip_at or captured_s > tip_at[-1] + 1e-6):
+        if fresh and abs(by_ticks_s - newest_s) > 1e-6 and (not tip_at or captured_s > tip_at[-1]):
+            newest_s = by_ticks_s
             tip_at.append(captured_s)
             tips.append(frame.point_in_base(record.measured_tip_m))
     if len(sent) < LEAST_TICKS:

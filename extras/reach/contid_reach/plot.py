@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,7 +15,7 @@ from contid.units import MM_PER_M
 from contid_reach.planar import overlapping
 from contid_reach.report import ReachReport
 
-# Colour-blind safe (Okabe and Ito).
+# Colour-blind safe (Okabe and Ito); more robots than colours begin them again.
 _COLOURS = ("#0072B2", "#D55E00", "#CC79A7", "#E69F00", "#56B4E9")
 _OVERLAP = "#009E73"
 #: Empty cells around a silhouette.
@@ -38,11 +39,12 @@ def save_plot(report: ReachReport, path: Path, title: str) -> None:
 
 
 def _draw_regions(axes: Any, report: ReachReport) -> None:
-    for colour, (name, region) in zip(_COLOURS, report.regions.items(), strict=False):
+    for (name, region), colour in zip(report.regions.items(), cycle(_COLOURS), strict=False):
         label = f"{name}: {report.areas_cm2[name]:.2f} cm²"
         _fill(axes, region, colour, 0.35, label)
     for pair, region in overlapping(report.regions).items():
-        _fill(axes, region, _OVERLAP, 0.8, f"both: {report.overlaps[pair]:.2f} cm²")
+        who = "both" if len(report.regions) == 2 else " and ".join(pair)
+        _fill(axes, region, _OVERLAP, 0.8, f"{who}: {report.overlaps[pair]:.2f} cm²")
     _label(axes, "x", "y")
 
 
@@ -52,10 +54,11 @@ def _label(axes: Any, across: str, up: str) -> None:
 
 
 def _fill(axes: Any, region: BaseGeometry, colour: str, alpha: float, label: str) -> None:
+    """Draw a region [m], which has no holes, in millimetres; lines and points of it have no area."""
     from shapely import get_parts
 
     for part in get_parts(region):
-        if part.geom_type != "Polygon":
+        if part.geom_type != "Polygon" or part.is_empty:
             continue
         outline = np.asarray(part.simplify(2e-5).exterior.coords) * MM_PER_M
         axes.fill(outline[:, 0], outline[:, 1], color=colour, alpha=alpha, label=label, linewidth=0.8)
@@ -65,7 +68,7 @@ def _fill(axes: Any, region: BaseGeometry, colour: str, alpha: float, label: str
 def _draw_volumes(panes: Any, report: ReachReport) -> None:
     """Contours of the volumes seen along y and along z."""
     for pane, (across, up) in zip(panes, ((0, 2), (0, 1)), strict=True):
-        for colour, (name, volume) in zip(_COLOURS, report.volumes.items(), strict=False):
+        for (name, volume), colour in zip(report.volumes.items(), cycle(_COLOURS), strict=False):
             if not volume.voxels:
                 continue
             edge_mm = volume.edge_m * MM_PER_M

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from PIL import Image
+from shapely import box
 
+from contid_reach.planar import area_cm2, overlapping
 from contid_reach.plot import save_plot, silhouette, volume_text
 from contid_reach.report import ReachReport, with_unit
 from contid_reach.spatial import Volume
@@ -68,6 +70,34 @@ def test_the_legend_is_beside_the_plot(tmp_path: Path) -> None:
     gaps = np.flatnonzero(np.diff(rows) > 20)
     assert len(gaps) >= 1  # between the panes and the legend
     assert rows[-1] > 0.9 * len(pixels)
+
+
+@pytest.mark.parametrize("planar", [True, False])
+def test_more_robots_than_colours_are_drawn_too(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, planar: bool
+) -> None:
+    """From the sixth on robots were left out without a word; the fifth and sixth overlap by 2 cm²."""
+    shown: list[str] = []
+    monkeypatch.setattr(Figure, "legend", lambda self, **keys: shown.extend(_labels(self)))
+    regions = {f"r{k}": box(0.1 * k, 0.0, 0.1 * k + (0.12 if k == 4 else 0.08), 0.1) for k in range(6)}
+    volume = Volume(dict.fromkeys(ball(3), ()), 0.01, 10)
+    report = (
+        ReachReport(
+            regions=regions,
+            areas_cm2={name: area_cm2(region) for name, region in regions.items()},
+            overlaps={pair: area_cm2(region) for pair, region in overlapping(regions).items()},
+        )
+        if planar
+        else ReachReport(
+            volumes=dict.fromkeys(regions, volume), volumes_cm3=dict.fromkeys(regions, volume.volume_m3 * 1e6)
+        )
+    )
+    save_plot(report, tmp_path / "six.png", "six")
+    assert [label.partition(":")[0] for label in shown] == [*regions] + ["r4 and r5"] * planar
+
+
+def _labels(figure: Figure) -> list[str]:
+    return [label for axes in figure.axes for label in axes.get_legend_handles_labels()[1]]
 
 
 def test_a_volume_is_printed_with_its_uncertainty() -> None:

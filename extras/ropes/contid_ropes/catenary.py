@@ -145,7 +145,11 @@ def stretch(surplus: float) -> float:
 
 
 def as_quintic(rope: Catenary) -> PhFit:
-    """The rope as one quintic with its length and end directions; error 0.05 mm per metre at usual sags."""
+    """The rope as one quintic with its length and end directions.
+
+    Points at equal arc length are off by 0.01 mm per metre for a rope 10 % longer than its level span,
+    0.14 at 30 %; on a slope of 17 degrees by 0.65 and 3.4, two pieces there by 0.35.
+    """
     return through(
         CurveEnds(rope.start_m, rope.end_m, rope.start_direction, rope.end_direction), rope.length_m
     )

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from contid.errors import SessionError
 from contid.session.format import mcap_records as mcap
-from contid.session.format.channels import TICK_CHANNELS
+from contid.session.format.channels import CHANNELS, EVENT, TICK_CHANNELS
 from contid.session.format.entries import DAMAGED, GROWING
 from contid.session.format.record_stream import RecordStream
 from contid.session.write import PRIVATE, exists_error
@@ -31,7 +31,7 @@ def compact(
     source: Path,
     target: Path | None = None,
     note: Mapping[str, Mapping[str, str]] | None = None,
-    max_ticks: int | None = None,
+    max_entries: int | None = None,
 ) -> Path:
     """Rewrite a session, whole or truncated, as an indexed and compressed one.
 
@@ -39,14 +39,15 @@ def compact(
         source: the session.
         target: a file that does not exist; None replaces ``source``.
         note: metadata to add, by name.
-        max_ticks: number of ticks to copy; None for all.
+        max_entries: number of ticks and events to copy, as `contid.session.read.Session.entries` counts them;
+            None for all.
 
     Returns:
         The new file.
 
     Raises:
-        ContidError: ``target`` exists or cannot be written, or ``source`` is damaged before ``max_ticks``;
-            ``source`` is unchanged.
+        ContidError: ``target`` exists or cannot be written, or ``source`` is damaged, and
+            ``max_entries`` does not end the copy before that; ``source`` is unchanged.
     """
     if target is not None and target.exists():
         raise exists_error(target)
@@ -56,8 +57,8 @@ def compact(
             measured = MeasuredChannel.of(source) if with_measured else None
             with replacing(target, PRIVATE) as new, source.open("rb") as old:
                 stream = RecordStream(old)
-                _Compactor(IndexedWriter(new), max_ticks, measured).copy(stream, note or {})
-                if stream.damage and max_ticks is None:  # the copy would be whole, without what follows
+                _Compactor(IndexedWriter(new), max_entries, measured).copy(stream, note or {})
+                if stream.damage and max_entries is None:  # the copy would be whole, without what follows
                     raise SessionError(f"{source}: {DAMAGED} ({stream.damage})")
             break
         except ModelFailedError as error:  # the recording is worth more than what is computed from it
@@ -69,12 +70,12 @@ class _Compactor:
     """One copy; ticks that are not whole are left out."""
 
     def __init__(
-        self, writer: IndexedWriter, max_ticks: int | None, measured: MeasuredChannel | None
+        self, writer: IndexedWriter, max_entries: int | None, measured: MeasuredChannel | None
     ) -> None:
         self._writer, self._measured = writer, measured
-        self._max_ticks, self._ticks = max_ticks, 0
+        self._max_entries, self._entries, self._declared = max_entries, 0, False
         self._topics: dict[int, str] = {}
-        #: Topics and messages of a tick until its last one.
+        #: Topics and messages of a tick, until the last of its channels completes it.
         self._tick: list[tuple[str, bytes]] = []
 
     def copy(self, stream: RecordStream, note: Mapping[str, Mapping[str, str]]) -> None:
@@ -85,9 +86,10 @@ class _Compactor:
         for opcode, body in stream:
             number = int.from_bytes(body[:2], "little")
             if opcode == mcap.MESSAGE:
-                if self._ticks == self._max_ticks:
+                topic = self._topics.get(number, "")
+                if topic in CHANNELS and self._entries == self._max_entries:
                     break
-                self._add_message(self._topics.get(number, ""), body)
+                self._add_message(topic, body)
                 continue
             if opcode in (mcap.SCHEMA, mcap.CHANNEL):
                 if (opcode, number) in copied:
@@ -103,23 +105,29 @@ class _Compactor:
         self._writer.finish()
 
     def _add_message(self, topic: str, body: bytes) -> None:
-        writer, measured = self._writer, self._measured
         if topic == TICK_CHANNELS[0]:
             self._tick = [(topic, body)]
-        elif topic == TICK_CHANNELS[-1]:
-            self._tick.append((topic, body))
-            for _, each in self._tick:
-                writer.message(each)
-            if measured is not None:
-                for declared in measured.declaration() if self._ticks == 0 else ():
-                    writer.add(declared)
-                writer.message(measured.message(dict(self._tick)))
-            self._tick = []
-            self._ticks += 1
-        elif self._tick:
-            self._tick.append((topic, body))
+        elif topic in TICK_CHANNELS:
+            if self._tick:
+                self._tick.append((topic, body))
+                if topic == TICK_CHANNELS[-1]:
+                    self._write_tick()
         else:
-            writer.message(body)
+            self._writer.message(body)
+            self._entries += topic == EVENT
+
+    def _write_tick(self) -> None:
+        """Write the messages of a whole tick, and what is computed from them."""
+        writer, measured = self._writer, self._measured
+        for _, each in self._tick:
+            writer.message(each)
+        if measured is not None:
+            for declared in measured.declaration() if not self._declared else ():
+                writer.add(declared)
+            self._declared = True
+            writer.message(measured.message(dict(self._tick)))
+        self._tick = []
+        self._entries += 1
 
 
 def repair(source: Path, output: Path | None, progress: Callable[[int], None] = lambda ticks: None) -> str:
@@ -154,6 +162,7 @@ def repair(source: Path, output: Path | None, progress: Callable[[int], None] = 
         )
     when = datetime.now(UTC).isoformat(timespec="seconds")
     note = {} if end.clean else {"repaired": {"when": when, "found": end.cut}}
-    target = compact(source, output, note, before.ticks if end.cut == DAMAGED else None)
+    read = before.ticks + sum(before.events.values())
+    target = compact(source, output, note, read if end.cut == DAMAGED else None)
     after = summarize(Session(target, progress))
     return f"{target}: {after.ticks} of {before.ticks} ticks, {after.state}"

@@ -73,7 +73,7 @@ def predicted_size(loaded: LoadedFile, rate_hz: float, run: Callable[[Sink], Non
             grown = path.stat().st_size - head
         finally:
             writer.close()
-        empty = compact(path, path.with_name("empty.mcap"), max_ticks=0).stat().st_size
+        empty = compact(path, path.with_name("empty.mcap"), max_entries=0).stat().st_size
         complete = compact(path).stat().st_size - empty
     ticks = max(counted.ticks, 1)
     frame = len(mcap.plain_chunk(b"", 0, 0))  # a running recorder writes every tick at once

@@ -115,7 +115,7 @@ class Settling:
 
         An axis that is not there has not arrived by a read that failed, which keeps the value before it.
         """
-        config, device = self._body.config, self.goal
+        config, device = self._body.config, self.goal  # [rad or Pa]
         values = [each.value for each in samples if each.value is not None and math.isfinite(each.value)]
         if not device or len(values) < len(device):
             return []
@@ -124,12 +124,12 @@ class Settling:
         places = []
         columns = zip(config.axis_names, config.quantities, strict=True)
         axes = zip(columns, commanded, measured, device, samples, config.responses, strict=True)
-        for (name, quantity), goal, at, device_goal, sample, response in axes:
-            off = 0.0 if sample.value is None else device_goal - sample.value
+        for (name, quantity), goal_si, at_si, goal, sample, response in axes:
+            off = 0.0 if sample.value is None else goal - sample.value
             near = abs(off) <= response.tolerance
             holds = not near and response.holds(off, sample.effort, self._body.effort_share)
             column = f"{name}_{quantity.unit}"
             places.append(
-                AxisPlace(column, quantity.from_si(goal), quantity.from_si(at), near or holds, holds)
+                AxisPlace(column, quantity.from_si(goal_si), quantity.from_si(at_si), near or holds, holds)
             )
         return places

@@ -41,18 +41,19 @@ def session_recording(path: Path, robot: str) -> TendonRecording:
     place = names.index(robot)
     frame = BaseFrame.of(session.robot_file().file.robots[robot].base)
     commanded: deque[tuple[float, Array]] = deque(maxlen=round(OLDEST_S * session.rate_hz) + 1)
-    captured_s = -math.inf
+    newest_s = -math.inf
     times: list[float] = []
     pulls: list[Array] = []
     tips: list[Vec3] = []
     for tick in session.ticks():
         record = tick.robots[place]
         commanded.append((tick.deadline_s, np.array([axis.command for axis in record.axes])))
-        # A measurement stays in the records until the next one; its latency may be many ticks.
-        at_s, before_s = tick.deadline_s - record.measured_age_s, captured_s
-        if not at_s > before_s + 1e-6:
+        # A measurement stays in the records until the next one; its latency may be many ticks. Its age grows
+        # with the time of the robots, which skipped ticks do not advance.
+        captured_s = (tick.tick - tick.skipped) / session.rate_hz - record.measured_age_s
+        if not abs(captured_s - newest_s) > 1e-6:
             continue
-        captured_s = at_s
+        newest_s, at_s = captured_s, tick.deadline_s - record.measured_age_s
         # The pulls at the capture, not those at which the tip arrived.
         pull = min(commanded, key=lambda each: abs(each[0] - at_s))[1]
         if not np.isfinite(record.measured_tip_m).all() or not np.isfinite(pull).all():

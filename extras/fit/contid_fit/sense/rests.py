@@ -62,7 +62,7 @@ def rests(
     frame, play = BaseFrame.of(robot.base), HysteresisSides(model)
     now: Actuation = ()
     side: Actuation = ()
-    since_s = last_s = -math.inf
+    since_s = newest_s = -math.inf
     times: list[float] = []
     tips: list[Vec3] = []
     reports: list[list[float]] = []
@@ -81,12 +81,13 @@ def rests(
         if t_s >= since_s + SETTLE_S:
             reports.append([robot.quantity.to_si(row.get(column, math.nan)) for column in reported])
         x, y, z = (row[column] / MM_PER_M for column in measured)
-        at_s = t_s - row[f"sample.{name}.meas.age_s"]
-        # A measurement stays in the records until the next one.
-        if not math.isnan(x + y + z + at_s) and at_s - last_s > 1e-6:
-            last_s = at_s
-            if at_s >= since_s + SETTLE_S:
-                times.append(at_s)
+        age_s = row[f"sample.{name}.meas.age_s"]
+        # A measurement stays in the records until the next one; its age grows with the time of the robots.
+        captured_s = row["robot_s"] - age_s
+        if not math.isnan(x + y + z + age_s) and abs(captured_s - newest_s) > 1e-6:
+            newest_s = captured_s
+            if t_s - age_s >= since_s + SETTLE_S:
+                times.append(t_s - age_s)
                 tips.append(frame.point_in_base((x, y, z)))
     if len(tips) >= MIN_TIPS:
         yield RestInterval(np.array(times), since_s, now, side, _average(reports), np.array(tips))

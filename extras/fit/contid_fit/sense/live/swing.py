@@ -105,7 +105,7 @@ def swing_of(robot: Cosserat) -> BodySwing:
         return NoSwing()
     found = []
     for payload_g in (0.0, robot.sense.load.expected_g):
-        ranges = range_over_poses(robot, _POSES, 2, payload_g)
+        ranges = range_over_poses(robot, _POSES, 2, payload_g, undamped=True)
         found += [each for pair in ranges for each in pair if math.isfinite(each)]
     if not found:
         raise ContidError("dynamics: no pose of the arm has an equilibrium; `contid modes` shows one")
