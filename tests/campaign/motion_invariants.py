@@ -161,9 +161,9 @@ def _quantum(seen: Seen, config: RobotConfig) -> float:
 
 def apart(seen: Seen) -> Iterator[str]:
     """Bodies never come nearer than the file states; those that are nearer already come no nearer."""
-    guard = clearance_guard(seen.case.machine.loaded)
-    if guard is None:
+    if seen.case.machine.loaded.file.clearance is None:
         return
+    guard = clearance_guard(seen.case.machine.loaded)
     floors = dict.fromkeys(guard.pairs, -math.inf)
     before: dict[str, bool] = {}
     for place, record in enumerate(seen.records):

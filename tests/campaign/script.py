@@ -33,6 +33,10 @@ RESUMED_S = HEALED_S + 0.5
 FINISH_S = RESUMED_S + 0.1
 
 
+#: Gains of the feedback of robots whose simulated bodies swing [1/s].
+MOVING = {"bend1": 0.5, "chambers3": 0.5, "stiffflop1": 0.5, "stiffflop2": 0.3, "tendon3": 0.5}
+
+
 @dataclass(frozen=True)
 class Machine:
     """A robot file on simulated buses, with what a case needs to know of it."""
@@ -58,14 +62,14 @@ SHAPES = {
 
 
 def machines() -> list[Machine]:
-    """Every shipped robot file with actuators, the laboratory that joins three, a close hand, shaped ones."""
+    """Every shipped robot file with actuators, the laboratory that joins three, a close hand, shaped, moving."""
     files = [
         load_robot_file(path)
         for path in sorted(configs_folder().glob("*.yaml"))
         if not path.stem.endswith(".emulated")
     ]
     out = []
-    for loaded in [*files, lab(), close_hand(), *map(shaped, SHAPES)]:
+    for loaded in [*files, lab(), close_hand(), *map(shaped, SHAPES), *map(moving, MOVING)]:
         if loaded.driven:
             rate = loaded.file.rate_hz
             out.append(Machine(loaded.file.name, with_mock(loaded), rate, build_robot_configs(loaded, rate)))
@@ -91,6 +95,17 @@ def shaped(name: str) -> LoadedFile:
     changed = text.replace("    rates:\n", f"    rates:\n      shape: {shape}\n", 1)
     assert changed != text
     return parse_robot_file(changed, f"{name}_shaped.yaml")
+
+
+def moving(name: str) -> LoadedFile:
+    """A shipped robot whose simulated body has mass and a payload; its measured tip corrects the commands."""
+    sim = "{dynamics: true, payload_g: 2, tracker: {noise_mm: 0.3, rate_hz: 100, latency_ms: 10}}"
+    text = (configs_folder() / f"{name}.yaml").read_text(encoding="utf-8")
+    text = text.replace(f"name: {name}", f"name: {name}_moving", 1)
+    keys = f"    sim: {sim}\n    feedback: {{gain_per_s: {MOVING[name]}}}\n    rates:\n"
+    changed = text.replace("    rates:\n", keys, 1)
+    assert changed != text
+    return parse_robot_file(changed, f"{name}_moving.yaml")
 
 
 @dataclass(frozen=True)
