@@ -51,7 +51,8 @@ def pytest_testnodedown(node: Any) -> None:
     """A worker of pytest-xdist has ended."""
     output = getattr(node, "workeroutput", {})
     node.config.stash[_SPENT].append(output.get("spent_s", 0.0))
-    node.config.stash[_FILES].update(output.get("files_ms", {}))
+    files_ms: Counter[str] = node.config.stash[_FILES]
+    files_ms.update(output.get("files_ms", {}))
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
@@ -59,7 +60,8 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
     output = getattr(session.config, "workeroutput", None)
     if output is not None:
         output["spent_s"] = spent_s()
-        output["files_ms"] = dict(session.config.stash[_FILES])
+        files_ms: Counter[str] = session.config.stash[_FILES]
+        output["files_ms"] = dict(files_ms)
     elif (
         _is_whole(session.config) and exitstatus == pytest.ExitCode.OK and _total_s(session.config) > BUDGET_S
     ):
