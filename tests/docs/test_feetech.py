@@ -85,10 +85,14 @@ def test_the_driver_has_as_few_lines_as_the_page_states() -> None:
 
 @pytest.mark.realtime
 def test_its_own_pytest_runs_the_contract_without_a_checkout_of_contid(folder: Path) -> None:
-    """As its authors do: their configuration, none of the plug-ins and marks of contid's own tests."""
+    """As its authors do: their configuration, none of the plug-ins and marks of contid's own tests.
+
+    The whole contract of this driver runs in tests/contract.
+    """
     (folder / "pytest.ini").write_text("[pytest]\naddopts = --strict-markers\nfilterwarnings = error\n")
     (folder / "test_own.py").write_text((FEETECH / "test_feetech.py").read_text())
-    options = ("-q", "-p", "no:cacheprovider", "-k", "TestSts or sdk or opening or reset")
+    chosen = "TestSts and (enable or watchdog) or sdk or opening or reset"
+    options = ("-q", "-p", "no:cacheprovider", "-k", chosen)
     report = output(folder, "pytest", *options, "test_own.py")
     assert re.search(r"\n\d+ passed, \d+ skipped, \d+ deselected in", report), report
 

@@ -38,7 +38,10 @@ def tracked(tracker, scene, seconds, rng, light=1.0, hide=0.3):
 
 
 @pytest.mark.parametrize("seconds", [1.5, pytest.param(3.0, marks=pytest.mark.campaign)])
-@pytest.mark.parametrize(("light", "noise", "blur_px"), [(1.0, 2.5, 0.8), (0.35, 3.0, 1.1)])
+@pytest.mark.parametrize(
+    ("light", "noise", "blur_px"),
+    [pytest.param(1.0, 2.5, 0.8, marks=pytest.mark.campaign), (0.35, 3.0, 1.1)],
+)
 def test_the_tip_is_measured_in_two_lights_while_tags_are_hidden_now_and_then(light, noise, blur_px, seconds):
     rng, scene = np.random.default_rng(1), Scene.usual(noise=noise, blur_px=blur_px)
     errors, looks = tracked(TipTracker(setup()), scene, seconds, rng, light)

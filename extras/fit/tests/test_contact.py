@@ -28,7 +28,7 @@ def residual(missed, velocity=(0.0, 0.0, 0.0)):
     return TipResidual(np.array(missed), np.array(velocity), SLOPES, 1e-4 * np.eye(3), np.eye(3), NO_LOAD)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.campaign)])
 def test_a_wall_is_found_and_its_direction(seed):
     found = push(seed)
     assert found is not None
@@ -147,6 +147,7 @@ def bars(rows, t_s):
     return np.array([row[f"command.arm.{axis.replace('.', '_')}"] for axis in AXES])
 
 
+@pytest.mark.campaign
 def test_ignore_writes_the_event_and_goes_on(folder):
     rows, contacts, text = recorded(folder, "ignore")
     assert len(contacts) >= 1
@@ -159,6 +160,7 @@ def test_ignore_writes_the_event_and_goes_on(folder):
     assert "arm: contact: force" in text
 
 
+@pytest.mark.campaign
 def test_hold_stops_at_the_wall(folder):
     rows, contacts, _ = recorded(folder, "hold")
     at_s = contacts[0].tick / RATE_HZ

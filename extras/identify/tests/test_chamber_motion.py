@@ -142,7 +142,7 @@ def test_recordings_without_others_that_move_are_judged_by_blocks() -> None:
     assert "that day" in "\n".join(motion_lines(judged_by_blocks(model(), [moved], kept_out=True)))
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_errors_between_patterns_are_larger_than_those_within() -> None:
     """Three patterns, each predicted by the two others, and a fourth one, which the errors hold for."""
     traces = [plant(each) for each in ("100100", "110000", "001010")]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Generator, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import pytest
 
@@ -20,51 +22,101 @@ if TYPE_CHECKING:  # the other tests of the panel need no playwright
 RATE_HZ = 50
 
 
+#: Its tests share one browser, one panel and one page that lends its modules: to start them takes 6 to 10 s
+#: of a processor.
+PAGES: Final = Path(__file__).parent / "page"
+_Made = TypeVar("_Made")
+
+
+class Kept:
+    """What tests share; it ends before a test of another file, that of `PAGES` before one of another folder.
+
+    Playwright keeps an event loop running in the thread of the tests: no test with a coroutine may follow.
+    """
+
+    def __init__(self) -> None:
+        self._stack = ExitStack()
+        self._made: dict[str, Any] = {}
+
+    def get(self, name: str, make: Callable[[], AbstractContextManager[_Made]]) -> _Made:
+        """What was made under this name, or make it."""
+        if name not in self._made:
+            self._made[name] = self._stack.enter_context(make())
+        made: _Made = self._made[name]
+        return made
+
+    def close(self) -> None:
+        """End everything, the newest first."""
+        self._made.clear()
+        self._stack.close()
+
+
+KEPT: Final = Kept()
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_teardown(
+    item: pytest.Item, nextitem: pytest.Item | None
+) -> Generator[None, object, object]:
+    """End what tests share once the next one does not share it."""
+    try:
+        return (yield)
+    finally:
+        if nextitem is None or _sharers(nextitem) != _sharers(item):
+            KEPT.close()
+
+
+def _sharers(item: pytest.Item) -> Path:
+    return PAGES if item.path.parent == PAGES else item.path
+
+
 @pytest.fixture(scope="module")
-def playwright() -> Iterator[Playwright]:
+def playwright() -> Playwright:
     from playwright.sync_api import sync_playwright
 
-    with sync_playwright() as started:
-        yield started
+    return KEPT.get("playwright", sync_playwright)
 
 
 @pytest.fixture(scope="module")
-def browser(playwright: Playwright) -> Iterator[Browser]:
+def browser(playwright: Playwright) -> Browser:
     """Without WebGL: everything of the page but its view of the robots."""
     from tests.support.browser import chromium
 
-    with chromium(playwright, draws=False) as started:
-        yield started
+    return KEPT.get("browser", lambda: chromium(playwright, draws=False))
 
 
 @pytest.fixture(scope="module")
-def drawing(playwright: Playwright) -> Iterator[Browser]:
+def drawing(playwright: Playwright) -> Browser:
     """With WebGL."""
     from tests.support.browser import chromium
 
-    with chromium(playwright, draws=True) as started:
-        yield started
+    return KEPT.get("drawing", lambda: chromium(playwright, draws=True))
+
+
+@contextmanager
+def _two_fingers() -> Iterator[tuple[Running, PanelProcess]]:
+    with armed_daemon(2, rate_hz=RATE_HZ) as started, panel(started) as served:
+        yield started, served
 
 
 @pytest.fixture(scope="module")
-def shared() -> Iterator[tuple[Running, PanelProcess]]:
-    """Two fingers and their panel, of all tests of a module but those that end one of them."""
-    with armed_daemon(2, rate_hz=RATE_HZ) as started, panel(started) as served:
-        yield started, served
+def shared() -> tuple[Running, PanelProcess]:
+    """Two fingers and their panel, of all tests but those that end one of them."""
+    return KEPT.get("two fingers", _two_fingers)
 
 
 @pytest.fixture
 def alone() -> Iterator[tuple[Running, PanelProcess]]:
     """Two fingers and their panel, of a test that ends one of them."""
-    with armed_daemon(2, rate_hz=RATE_HZ) as started, panel(started) as served:
-        yield started, served
+    with _two_fingers() as made:
+        yield made
 
 
 @pytest.fixture
 def both(
     request: pytest.FixtureRequest, shared: tuple[Running, PanelProcess]
 ) -> tuple[Running, PanelProcess]:
-    """What this test has: its own with `usefixtures("alone")`, else the module's, as after their start."""
+    """What this test has: its own with `usefixtures("alone")`, else the shared one, as after its start."""
     if "alone" in request.fixturenames:
         return request.getfixturevalue("alone")
     as_started(shared[0])
@@ -82,14 +134,19 @@ def served(both: tuple[Running, PanelProcess]) -> PanelProcess:
 
 
 @pytest.fixture(scope="module")
-def idle(browser: Browser) -> Iterator[Page]:
+def idle(browser: Browser) -> Page:
     """A page that only lends its modules; it has no policy against `Function`."""
-    with armed_daemon(1, rate_hz=RATE_HZ) as started, panel(started) as served:
-        context = browser.new_context(bypass_csp=True)
-        page = context.new_page()
-        page.goto(served.url)
-        yield page
-        context.close()
+
+    @contextmanager
+    def made() -> Iterator[Page]:
+        with armed_daemon(1, rate_hz=RATE_HZ) as started, panel(started) as served:
+            context = browser.new_context(bypass_csp=True)
+            page = context.new_page()
+            page.goto(served.url)
+            yield page
+            context.close()
+
+    return KEPT.get("idle", made)
 
 
 @pytest.fixture

@@ -15,7 +15,10 @@ from contid.robot_file.document import RobotFile
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 #: One for each kernel with batches; three blocks of rows, so that every thread gets one.
-ROBOTS = ("finger", "trirack", "trirack2", "stiffflop1", "tendon3", "ftdcr_v4")
+ROBOTS = (
+    *("finger", "trirack", "trirack2", "stiffflop1", "tendon3"),
+    pytest.param("ftdcr_v4", marks=pytest.mark.campaign),  # that of tendon3
+)
 ROWS = 130
 
 

@@ -1,8 +1,13 @@
-"""The processor time of a run, printed at its end; a run of all tests but campaigns has a budget."""
+"""The processor time of a run, printed at its end; a run of all tests but campaigns has a budget.
+
+It also names the files that take most, each with the processes that its tests waited for.
+"""
 
 from __future__ import annotations
 
 import resource
+from collections import Counter
+from collections.abc import Generator
 from typing import Any, Final
 
 import pytest
@@ -13,6 +18,10 @@ BUDGET_S: Final = 4200.0
 #: The choice of tests that the budget is for: what CI runs.
 WHOLE: Final = "not campaign"
 _SPENT: Final = pytest.StashKey[list[float]]()
+#: Processor time of each file [ms], of this process or of all workers.
+_FILES: Final = pytest.StashKey[Counter[str]]()
+#: How many files are named.
+NAMED: Final = 40
 
 
 def spent_s() -> float:
@@ -24,12 +33,26 @@ def spent_s() -> float:
 def pytest_configure(config: pytest.Config) -> None:
     """Nothing is spent by workers yet."""
     config.stash[_SPENT] = []
+    config.stash[_FILES] = Counter()
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """Add what a test and its fixtures took to its file."""
+    before_s = spent_s()
+    try:
+        return (yield)
+    finally:
+        item.config.stash[_FILES][item.nodeid.partition("::")[0]] += round(1e3 * (spent_s() - before_s))
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node: Any) -> None:
     """A worker of pytest-xdist has ended."""
-    node.config.stash[_SPENT].append(getattr(node, "workeroutput", {}).get("spent_s", 0.0))
+    output = getattr(node, "workeroutput", {})
+    node.config.stash[_SPENT].append(output.get("spent_s", 0.0))
+    files_ms: Counter[str] = node.config.stash[_FILES]
+    files_ms.update(output.get("files_ms", {}))
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
@@ -37,6 +60,8 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
     output = getattr(session.config, "workeroutput", None)
     if output is not None:
         output["spent_s"] = spent_s()
+        files_ms: Counter[str] = session.config.stash[_FILES]
+        output["files_ms"] = dict(files_ms)
     elif (
         _is_whole(session.config) and exitstatus == pytest.ExitCode.OK and _total_s(session.config) > BUDGET_S
     ):
@@ -47,6 +72,12 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
     """One line."""
     total_s = _total_s(config)
     budget = f", at most {BUDGET_S:.0f}" if _is_whole(config) else ""
+    if _is_whole(config):
+        files_ms = config.stash[_FILES]
+        terminalreporter.write_line(f"files that took most, of {len(files_ms)}:")
+        for file, took_ms in files_ms.most_common(NAMED):
+            terminalreporter.write_line(f"{1e-3 * took_ms:8.1f} s {file}")
+        terminalreporter.write_line(f"{1e-3 * sum(files_ms.values()):8.1f} s all of them")
     terminalreporter.write_line(f"processor time with workers and children: {total_s:.0f} s{budget}")
     if budget and total_s > BUDGET_S:
         terminalreporter.write_line(

@@ -1,16 +1,20 @@
 """Workers get the files that take longest first, so that none is left for the end, where it runs alone.
 
-pytest-xdist orders files by their number of tests, so that a file with one test of a minute came last.
+pytest-xdist orders files by their number of tests, so that a file with one test of a minute came last. Files
+whose tests share what is expensive to start go to few workers.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import Final
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
 
 import pytest
 
+ROOT: Final = Path(__file__).parents[3]
 #: Files that take half a minute and more on a busy machine with two cores, the longest first.
 LONGEST: Final = (
     "tests/docs/test_examples.py", "extras/fit/tests/test_load.py", "tests/test_quality.py",
@@ -29,7 +33,7 @@ LONGEST: Final = (
     "extras/fleet/tests/test_client.py", "tests/remote/test_unwelcome.py", "tests/firmware/test_run.py",
     "tests/remote/test_servo.py", "tests/cli/run/test_ends.py",
     "extras/fit/tests/tendon/test_calibrate_tendon.py",
-    "extras/camera/tests/test_tracker.py", "extras/fit/tests/tendon/test_tendon_recovery.py",
+    "extras/camera/tests/test_tracker.py",
     "tests/wire/dynamixel/test_run_on_servos.py", "extras/identify/tests/test_excite.py",
     "tests/remote/orders/test_lease.py", "tests/session/test_files.py",
     "tests/wire/dynamixel/test_bench_tools.py", "extras/bringup/tests/test_bringup_command.py",
@@ -37,6 +41,37 @@ LONGEST: Final = (
     "tests/remote/test_moving.py", "extras/fit/tests/test_load_observer.py",
     "extras/fleet/tests/test_common_start.py", "extras/camera/tests/test_command.py",
 )  # fmt: skip
+
+
+#: Folders whose tests share a browser, and the number of workers that have one.
+SHARING: Final = {"extras/panel/tests/page": 2}
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Whole files to each worker, of a folder of `SHARING` to some of them."""
+    if config.getvalue("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling  # type: ignore[import-untyped]
+
+    class LoadSharers(LoadFileScheduling):  # type: ignore[misc]
+        def _split_scope(self, nodeid: str) -> str:
+            return sharers(nodeid.partition("::")[0])
+
+    return LoadSharers(config, log)
+
+
+def sharers(file: str) -> str:
+    """The name of the files that go to one worker together with this one."""
+    folder, _, name = file.rpartition("/")
+    if folder not in SHARING:
+        return file
+    return f"{folder} {_names(folder).index(name) % SHARING[folder]}"
+
+
+@cache
+def _names(folder: str) -> list[str]:
+    return sorted(path.name for path in (ROOT / folder).glob("test_*.py"))
 
 
 @pytest.hookimpl(tryfirst=True)

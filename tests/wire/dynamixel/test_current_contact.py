@@ -29,7 +29,7 @@ FREE_TICKS = 500.0
 FREE_MM = FREE_TICKS / 4096.0 * 37.7
 
 
-@pytest.mark.parametrize("policy", ["hold", "stop", "retract"])
+@pytest.mark.parametrize("policy", [pytest.param("hold", marks=pytest.mark.campaign), "stop", "retract"])
 def test_a_finger_that_meets_something_reacts(tmp_path: Path, configs: Path, policy: str) -> None:
     hand(tmp_path, configs, policy)
     (bus,) = wired_buses(load_robot_file(tmp_path / "hand.yaml"))

@@ -79,7 +79,7 @@ def least_energy(arm: Elastic, start: Array, before: Array, arrived: Array, scal
 @pytest.mark.parametrize(("friction", "through"), [(0.0, True), (2e-7, True), (2e-7, False)])
 def test_every_row_is_the_minimum_that_scipy_finds(friction: float, through: bool) -> None:
     arm = robot(friction, through)
-    pull = pulls(40)
+    pull = pulls(20)
     found = series(arm, pull)
     before, arrived = arm.rest_rad, pull[0]
     width = arm.play_m[arm.section]
@@ -110,7 +110,7 @@ MODELS: dict[str, Callable[[], RecordingModel]] = {
 @pytest.mark.parametrize("name", MODELS)
 def test_derivatives_are_those_of_finite_differences(name: str) -> None:
     model = MODELS[name]()
-    pull = pulls(48, seed=11)
+    pull = pulls(24, seed=11)
     spread = model.parameters.spread
     random = np.random.default_rng(2)
     vector = model.parameters.expected + 0.3 * spread * random.normal(size=len(spread))

@@ -14,6 +14,8 @@ from contid_fit.calibrate.tendon.recording import TendonRecording
 from contid_fit.calibrate.tendon.stages import Stage, run_stages
 from tests.calibrate.tendon_links import LinkRobot
 
+pytestmark = pytest.mark.campaign
+
 RADIUS_M = 4e-3
 LENGTH_M = (0.060, 0.050)
 ANGLES = np.array([0.0, 2.0, 4.1, 1.0, 3.2, 5.2])
@@ -67,7 +69,7 @@ def pulls(sheaths: bool) -> tuple[Array, list[str]]:
 
 @pytest.fixture(
     scope="module",
-    params=[False, pytest.param(True, marks=pytest.mark.campaign)],
+    params=[False, True],
     ids=["through", "sheaths"],
 )
 def last(request: pytest.FixtureRequest) -> tuple[LinkRobot, Stage, Stage]:
@@ -89,7 +91,6 @@ def last(request: pytest.FixtureRequest) -> tuple[LinkRobot, Stage, Stage]:
     return made, stages["+ offsets"], stages["+ friction, play"]
 
 
-@pytest.mark.slow
 def test_parameters_are_inside_their_intervals(last: tuple[LinkRobot, Stage, Stage]) -> None:
     made, _, stage = last
     assert isinstance(stage.fit.model, ElasticBends)
@@ -130,7 +131,6 @@ def test_parameters_are_inside_their_intervals(last: tuple[LinkRobot, Stage, Sta
         assert (widths[name] < 1.96 * spread[name]).all(), name
 
 
-@pytest.mark.slow
 def test_motions_kept_out_are_predicted_near_the_noise(last: tuple[LinkRobot, Stage, Stage]) -> None:
     _, curvature, stage = last
     assert stage.held_out is not None

@@ -129,7 +129,7 @@ def commands(client: Client) -> dict[str, float]:
     return {f"{robot}.{axis}_mm": values["command_mm"] for axis, values in status["axes"].items()}
 
 
-@pytest.fixture(scope="module", params=["tendon3", "ftdcr_v4"])
+@pytest.fixture(scope="module", params=["tendon3", pytest.param("ftdcr_v4", marks=pytest.mark.campaign)])
 def shared_robot(request: pytest.FixtureRequest) -> Iterator[Shared]:
     with shipped(request.param) as running, panel(running) as served:
         with running.client() as client:

@@ -86,10 +86,11 @@ def test_drag_of_the_target_in_the_view(drawn: OpenPage, running: Running) -> No
     )
     drawn.page.wait_for_timeout(300)
     drawn.page.mouse.up()
+    # The page may still show the state of before the motion: the daemon reports when it has ended.
+    with running.client() as client:
+        until(lambda: states(client) == {"HOLD"}, "every robot holds")
     robot = "f0" if math.dist(tip_mm(running), before) > 1.0 else "f1"
     drawn.state(robot, "HOLD")
-    with running.client() as client:
-        assert states(client) == {"HOLD"}
     if robot == "f1":
         assert tip_mm(running) == pytest.approx(before, abs=0.1)
 
