@@ -174,13 +174,14 @@ class Engine:
         now_s = step / self._rate_hz
         source = selector.source
         live = isinstance(source, Live)
-        targets = selector.targets(step, now_s)
-        for stage in self._before:
-            try:
-                targets = stage.before(targets, timing, now_s)
-            except Exception as error:  # an error in a stage must not stop the robots of others
-                self._fail(stage, error, now_s)
-        outcomes = self._ticks(targets, now_s, live)
+        with self.costs.watched():
+            targets = selector.targets(step, now_s)
+            for stage in self._before:
+                try:
+                    targets = stage.before(targets, timing, now_s)
+                except Exception as error:  # an error in a stage must not stop the robots of others
+                    self._fail(stage, error, now_s)
+            outcomes = self._ticks(targets, now_s, live)
         for stage in self._after:
             try:
                 stage.after(outcomes, targets, now_s)
@@ -216,23 +217,23 @@ class Engine:
         outcomes: list[TickResult] = []
         at_s = costs.now()
         measured = robots.measured
-        with costs.watched():
-            for index, (config, state) in enumerate(zip(robots.configs, robots.states, strict=True)):
-                name = config.name
-                try:
-                    robots.begin(index)
-                    outcome = tick(
-                        config, state, now_s, samples_of(config), targets.get(name), measured.get(name),
-                        live=live,
-                    )  # fmt: skip
-                    costs.running = -1
-                except UnansweredError as error:
-                    robots.note_unanswered(index, error)
-                    failed = transitions.fail(config, state, error.fault, str(error), now_s)
-                    outcome = stop_without_model(config, failed, now_s)
-                outcomes.append(outcome)
-                before_s, at_s = at_s, costs.now()
-                costs.robots_s[index] = at_s - before_s
+        for index, (config, state) in enumerate(zip(robots.configs, robots.states, strict=True)):
+            name = config.name
+            try:
+                if robots.overran:
+                    robots.raise_unanswered(index)
+                costs.begin(index)
+                outcome = tick(
+                    config, state, now_s, samples_of(config), targets.get(name), measured.get(name), live=live
+                )
+                costs.running = -1
+            except UnansweredError as error:
+                robots.note_unanswered(index, error)
+                failed = transitions.fail(config, state, error.fault, str(error), now_s)
+                outcome = stop_without_model(config, failed, now_s)
+            outcomes.append(outcome)
+            before_s, at_s = at_s, costs.now()
+            costs.robots_s[index] = at_s - before_s
         costs.mark(-1)
         return outcomes
 

@@ -15,13 +15,12 @@ from contid.control.engine.measured_tip import tip_in_world
 from contid.control.engine.robots import Robots
 from contid.control.engine.stages import Targets, TickStage
 from contid.control.engine.watch.watched_body import CONFIRM_S
-from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.follow.expected_range import OLD_S
 from contid.control.tick.follow.tip_path import TipPath
 from contid.control.tick.robot_tick import TickResult
 from contid.control.tick.supervisor import Mode
-from contid.targets import Actuation, Vec3
+from contid.targets import ZERO3, Actuation, Vec3
 from contid.units import m_to_mm
 
 
@@ -33,9 +32,10 @@ class WatchedTip:
         path: of the tips of its commands.
     """
 
-    def __init__(self, config: RobotConfig, robots: Robots) -> None:
+    def __init__(self, index: int, robots: Robots) -> None:
+        config = robots.configs[index]
         assert config.follow_tip_m is not None
-        self._robots = robots
+        self._index, self._robots = index, robots
         self.config = config
         self.path = TipPath(config.responses, config.period_s)
         self._tolerance_m = config.follow_tip_m
@@ -52,9 +52,7 @@ class WatchedTip:
 
     def _tip(self, actuation: Actuation, now_s: float) -> Vec3 | None:
         """The tip without a load; None outside the domain of the model, or where that does not answer."""
-        return self._robots.ask(
-            self.config.name, now_s, tip_in_world, self.config, actuation, (0.0, 0.0, 0.0)
-        )
+        return self._robots.ask(self._index, now_s, tip_in_world, self.config, actuation, ZERO3)
 
     def rest(self) -> None:
         """No command is to be compared with."""
@@ -76,7 +74,7 @@ class TipWatch(TickStage):
         self._robots = robots
         self._exchange = exchange
         self._tips = {
-            index: WatchedTip(config, robots)
+            index: WatchedTip(index, robots)
             for index, config in enumerate(robots.configs)
             if config.follow_tip_m is not None
         }
