@@ -84,6 +84,7 @@ class Engine:
             clearance: what keeps bodies apart, None without.
         """
         self.finished = False
+        records = sink
         self._sink = sink = self._refusals = NumberedRefusals(sink)
         self.costs = TickCosts(now, len(configs), tuple(ports))
         self.robots = Robots(configs, sink, self.costs)
@@ -120,7 +121,7 @@ class Engine:
         self._before, self._after, self._settle = (
             with_method(stages, method) for method in ("before", "after", "settle")
         )
-        self._recorder = RecordPacker(self.robots, self.exchange, sink, now)
+        self._recorder = RecordPacker(self.robots, self.exchange, records, now)
         self._buses = tuple(ports)
         self._orders = OrderHandler(
             self.robots, self.selector, self.exchange, together, stages, sink, self._fail
@@ -234,7 +235,7 @@ class Engine:
             outcomes.append(outcome)
             before_s, at_s = at_s, costs.now()
             costs.robots_s[index] = at_s - before_s
-        costs.mark(-1)
+        costs.robot_at_work[0] = 0
         return outcomes
 
     def _fail(self, stage: TickStage, error: Exception, now_s: float) -> None:

@@ -69,7 +69,7 @@ class OrderHandler:
         self._robots = robots
         self._selector = selector
         self._exchange = exchange
-        self._chains = chains
+        self._chains, self._has_chains = chains, chains.has_chains
         self._stage_failed = stage_failed
         self._changing_gotos = with_method(stages, "goto")
         self._cancelled = with_method(stages, "cancel")
@@ -80,7 +80,7 @@ class OrderHandler:
         selector = self._selector
         if isinstance(message, msg.Rows):
             self._sink.event(rows_event(message, tick_number))
-            if self._chains.has_chains:
+            if self._has_chains:
                 self._chains.begin_gotos(now_s)
             if not selector.finishing:  # nothing may delay the end of a run
                 selector.rows(message.targets, now_s)
@@ -90,7 +90,7 @@ class OrderHandler:
             message = msg.Hold()
         if (order := order_event(message, tick_number)) is not None:
             self._sink.event(order)
-        if self._chains.has_chains and not isinstance(message, msg.Goto):
+        if self._has_chains and not isinstance(message, msg.Goto):
             self._chains.begin_gotos(now_s)
         # A client that gives orders may give more: the run then waits even if every robot is in FAULT.
         selector.attended = selector.attended or not isinstance(message, msg.Measured | msg.EndOfRows)

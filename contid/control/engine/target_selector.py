@@ -132,19 +132,19 @@ class TargetSelector:
         if self.finishing:
             self._rest_faulted()
             return
-        if self.source is not None:
-            self._watch_source(self.source, tick, step, now_s)
+        source = self.source
+        if isinstance(source, Live) and tick % STATED_TICKS == 0:
+            self._report_delay(source.delay_s, tick)
+        if source is not None:
+            source.watch(step, self._robots.states)
+            if source.finished and not self.ended:
+                self._end_with_source(tick, now_s)
         if self.attended or self.finishing:
             return
         if all(state.mode is Mode.FAULT for state in self._robots.states):
             self.finish(None, "on_fault", now_s)
 
-    def _watch_source(self, source: Source, tick: int, step: int, now_s: float) -> None:
-        if isinstance(source, Live) and tick % STATED_TICKS == 0:
-            self._report_delay(source.delay_s, tick)
-        source.watch(step, self._robots.states)
-        if not source.finished or self.ended:
-            return
+    def _end_with_source(self, tick: int, now_s: float) -> None:
         self.ended = True
         self._sink.event(SourceEnded(tick=tick, on_end=self._on_end.value))
         if self._on_end is not OnEnd.HOLD:
