@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from contid.control.engine.chains import ArmsTogether, ChainGuards
 from contid.control.engine.cycle import OnEnd, Sink, Timing
 from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.exchange import Exchange
@@ -19,7 +18,9 @@ from contid.control.engine.ports import BusPort
 from contid.control.engine.robots import Order, Robots
 from contid.control.engine.sources import Live, Timed
 from contid.control.engine.stages import (
+    ArmsTogether,
     BodyClearance,
+    ChainGuards,
     EngineParts,
     ReactsToContacts,
     TickStage,

@@ -6,14 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from contid.control.engine import messages as msg
-from contid.control.engine.chains import ArmsTogether
 from contid.control.engine.cycle import Sink
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import EffortLimited, MarkReached, OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.order_events import order_event, rows_event
 from contid.control.engine.robots import Order, Robots, Stopping
-from contid.control.engine.stages import TickStage, with_method
+from contid.control.engine.stages import ArmsTogether, TickStage, with_method
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.tick import fault_exits, transitions
 from contid.control.tick.config import RobotConfig

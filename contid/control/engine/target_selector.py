@@ -16,12 +16,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from contid.control.engine.chains import ArmsTogether
 from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.events.run import SourceEnded, StopBegan, StreamDelayed
 from contid.control.engine.messages import RobotNames
 from contid.control.engine.robots import Robots, Stopping
 from contid.control.engine.sources import Live, Source, Timed
+from contid.control.engine.stages import ArmsTogether
 from contid.control.tick import transitions
 from contid.control.tick.supervisor import Mode, stronger
 from contid.control.tick.tip_feedback import Measurement
