@@ -29,10 +29,7 @@ def checked_samples(bus: Bus, answer: Any) -> Mapping[str, Sample]:
     """
     if not isinstance(answer, Mapping):
         raise TypeError(f"the driver answered {_shown(answer)}, not a sample of every axis")
-    samples = [answer.get(axis) for axis in bus.axes]
-    if len(answer) <= len(samples) and all(
-        isinstance(each, Sample) and tuple(map(type, _PARTS(each))) in _KNOWN for each in samples
-    ):
+    if len(answer) <= len(bus.axes) and all(map(_is_sample, map(answer.get, bus.axes))):
         return answer
     return {
         axis: sample if _is_sample(sample := answer[axis]) else _none(sample)
@@ -42,9 +39,11 @@ def checked_samples(bus: Bus, answer: Any) -> Mapping[str, Sample]:
 
 
 def _is_sample(sample: Any) -> bool:
+    return isinstance(sample, Sample) and (tuple(map(type, _PARTS(sample))) in _KNOWN or _examined(sample))
+
+
+def _examined(sample: Sample) -> bool:
     """True for a sample; the types of its parts are known from then on."""
-    if not isinstance(sample, Sample):
-        return False
     fault, valid, *numbers = _PARTS(sample)
     sound = isinstance(fault, str) and isinstance(valid, int | np.bool_)
     sound &= are_numbers(numbers[:2]) and are_numbers([each for each in numbers[2:] if each is not None])

@@ -13,6 +13,7 @@ from contid.control.engine.events.robots import LimitNamed
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.robots import Robots
 from contid.control.engine.tick_layout import (
+    AXIS,
     CONVERGED,
     DEADLINE,
     ENABLED,
@@ -35,7 +36,7 @@ from contid.targets import Actuation, Target
 _NAN = math.nan
 #: A measurement older than this is not recorded.
 MEASURED_MAX_AGE_S: Final = 1.0
-_HEAD, _ROBOT = HEAD.blank, ROBOT.blank
+_HEAD, _ROBOT, _AXIS = HEAD.blank, ROBOT.blank, AXIS.blank
 # Places by name, fetched once.
 _MODE, _FAULT, _FLAGS, _LIMITED_BY, _ITERATIONS, _RESIDUAL, _TIP_ERROR, _MEASURED_AGE = map(
     ROBOT.place,
@@ -45,8 +46,13 @@ _TIP, _DIRECTION, _X_AXIS, _MID, _LOAD, _MEASURED_TIP, _MEASURED_DIRECTION = map
     ROBOT.vector, ("tip_m", "direction", "x_axis", "mid_m", "load_n", "measured_tip_m", "measured_direction")
 )
 _ESTIMATED, _SIGMA = map(ROBOT.vector, ("estimated_load_n", "estimated_sigma_n"))
-#: What is recorded of an axis that has no sample.
-_NO_SAMPLE: Final = Sample(None, _NAN, valid=False, age_s=_NAN)
+_TARGET, _SOLUTION, _COMMAND, _DEVICE, _LIMITS, _VALUE, _TIME, _VALID, _AGE = map(
+    AXIS.place,
+    ("target", "solution", "command", "device", "limits", "value", "time_s", "valid", "age_s"),
+)
+_VELOCITY, _EFFORT, _TEMPERATURE, _VOLTAGE, _TENSION = map(
+    AXIS.place, ("velocity", "effort", "temperature_c", "voltage_v", "tension_n")
+)
 #: Bits that a float64 of the record keeps exactly.
 _MAX_NAMES: Final = 52
 
@@ -152,30 +158,38 @@ def _add_axes(
     target: Target | None,
     samples: Mapping[str, Sample],
 ) -> None:
-    absent = (_NAN,) * len(config.axes)
     asked: Sequence[float] = ()
     solution = () if outcome.solution is None else outcome.solution.actuation
     if target is not None and (target.actuation is not None or target.arcs or target.extra):
         asked = _asked(config, target, solution)
-    axes = zip(
-        config.axes, asked or absent, solution or absent, state.command or absent, outcome.device or absent,
-        outcome.limits or (0,) * len(absent), strict=False,
-    )  # fmt: skip
-    for name, *decided in axes:
-        each = samples.get(name, _NO_SAMPLE)
-        # In the order of `contid.control.engine.tick_layout.AxisRecord`.
-        values += decided
-        values += (
-            _NAN if each.value is None else each.value,
-            each.time_s,
-            each.valid,
-            each.age_s,
-            _NAN if each.velocity is None else each.velocity,
-            _NAN if each.effort is None else each.effort,
-            _NAN if each.temperature_c is None else each.temperature_c,
-            _NAN if each.voltage_v is None else each.voltage_v,
-            _NAN if each.tension_n is None else each.tension_n,
-        )
+    command, device, limits = state.command, outcome.device, outcome.limits
+    for axis, name in enumerate(config.axes):
+        row = [*_AXIS]
+        if asked:
+            row[_TARGET] = asked[axis]
+        if solution:
+            row[_SOLUTION] = solution[axis]
+        if command:
+            row[_COMMAND] = command[axis]
+        if device:
+            row[_DEVICE] = device[axis]
+        if limits:
+            row[_LIMITS] = limits[axis]
+        if (sample := samples.get(name)) is not None:
+            row[_TIME], row[_VALID], row[_AGE] = sample.time_s, sample.valid, sample.age_s
+            if sample.value is not None:
+                row[_VALUE] = sample.value
+            if sample.velocity is not None:
+                row[_VELOCITY] = sample.velocity
+            if sample.effort is not None:
+                row[_EFFORT] = sample.effort
+            if sample.temperature_c is not None:
+                row[_TEMPERATURE] = sample.temperature_c
+            if sample.voltage_v is not None:
+                row[_VOLTAGE] = sample.voltage_v
+            if sample.tension_n is not None:
+                row[_TENSION] = sample.tension_n
+        values += row
 
 
 def _asked(config: RobotConfig, target: Target, solution: Actuation) -> Sequence[float]:
