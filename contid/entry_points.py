@@ -13,7 +13,7 @@ contid imports no extra: the metadata of a distribution names what it adds, and 
 | ``contid.workspaces`` | `contid.api.workspace.MeasureWorkspace`, of robots in the plane and in space |
 | ``contid.emulators`` | by the name of a driver, a function like `contid.hal.Emulates.emulator` |
 | ``contid.tools`` | by the name of a driver, an object with interfaces of `contid.hal.optional` for it |
-| ``contid.chains`` | ``ropes``: a class of `contid.control.engine.chains.ChainGuards` of a loaded file |
+| ``contid.chains`` | ``ropes``: a class of `contid.control.engine.stages.ChainGuards` of a loaded file |
 | ``contid.solvers`` | by `RobotDescription.kinematics`, a class of models of a description |
 | ``contid.clearance`` | ``bodies``: a class of `contid.control.engine.stages.BodyClearance` of a file |
 | ``contid.library`` | names of ``contid`` and its client beside those of the core: ``Sim`` and others |

@@ -53,13 +53,13 @@ from contid.hal.driver import (
     BUILT_IN,
     ENTRY_POINT_GROUP,
     Driver,
+    Identifies,
     UnknownDriverError,
     driver_names,
     find_tool,
     load_driver,
 )
 from contid.hal.homing import Reference
-from contid.hal.identity import Identifies
 from contid.hal.optional import (
     Commissions,
     DeviceRate,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from importlib.metadata import EntryPoint, entry_points
-from typing import TYPE_CHECKING, Any, Final, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Protocol, TypeVar, runtime_checkable
 
 from contid.entry_points import TOOLS, load_one
 from contid.errors import ContidError
 from contid.hal.bus import AxisOnBus, Bus, Clock, DeviceKind
+from contid.hal.optional import Report
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -47,6 +48,18 @@ class Driver(Protocol):
 
     def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:
         """Build a bus; accesses no device."""
+
+
+@runtime_checkable
+class Identifies(Protocol):
+    """A driver that refuses other devices than those a bus had before: ``contid doctor --accept``."""
+
+    def accept(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], report: Report) -> None:
+        """Take the devices that answer as those of the bus from now on; moves nothing.
+
+        Raises:
+            DeviceError: one does not answer, or cannot be marked.
+        """
 
 
 class UnknownDriverError(ContidError):

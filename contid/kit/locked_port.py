@@ -125,31 +125,27 @@ class LockedPort:
 
     def receive(self, deadline: float) -> bytes:
         """Received bytes, as soon as there are some; b"" after ``deadline`` [monotonic s]."""
-        while data := self._read(deadline):
-            if answer := self._without_echo(data):
+        while True:
+            try:
+                wait = deadline - time.monotonic()
+                ready, _, _ = select.select([self.fd], [], [], wait if wait > 0.0 else 0.0)
+                if not ready:
+                    return b""
+                data = os.read(self.fd, 4096)
+            except PORT_ERRORS as error:
+                raise self.lost(error) from error
+            if not data:
+                raise self.lost("end of file")
+            if not self._echo:
+                return data
+            if answer := self._without_echo(data, self._echo):
                 return answer
-        return b""
 
-    def _without_echo(self, data: bytes) -> bytes:
+    def _without_echo(self, data: bytes, echo: bytearray) -> bytes:
         """What is not the beginning of the echo that is due; a damaged echo is left in, as any noise."""
-        if not self._echo:
+        size = min(len(data), len(echo))
+        if data[:size] != echo[:size]:
+            echo.clear()
             return data
-        size = min(len(data), len(self._echo))
-        if data[:size] != self._echo[:size]:
-            self._echo.clear()
-            return data
-        del self._echo[:size]
+        del echo[:size]
         return data[size:]
-
-    def _read(self, deadline: float) -> bytes:
-        try:
-            wait = deadline - time.monotonic()
-            ready, _, _ = select.select([self.fd], [], [], wait if wait > 0.0 else 0.0)
-            if not ready:
-                return b""
-            data = os.read(self.fd, 4096)
-        except PORT_ERRORS as error:
-            raise self.lost(error) from error
-        if not data:
-            raise self.lost("end of file")
-        return data

@@ -35,7 +35,7 @@ from contid_drivers.due.frames import FrameReader, seal
 from contid_drivers.due.messages import read_answer
 from contid_drivers.due.messages import request as payload_of
 from contid_drivers.dynamixel import packets
-from contid_drivers.dynamixel.exchange.block import INDIRECT, PLAIN
+from contid_drivers.dynamixel.exchange.block import INDIRECT, PLAIN, Block
 from contid_drivers.dynamixel.exchange.fast_answer import FastAnswer
 from contid_sessions.csv_files import export_joined
 from contid_sessions.info import summarize
@@ -119,10 +119,10 @@ def dynamixel(data: bytes) -> None:
     left = bytearray(data)
     while (packet := packets.take(left)) is not None:
         for layout in (INDIRECT, PLAIN):
-            if len(packet.parameters) in (layout.lean, layout.full):
-                layout.decode(packet.parameters, packet.error >= 0x80)
+            if (size := len(packet.parameters)) in (layout.lean, layout.full):
+                Block(layout, layout.address, size).decode(packet.parameters, packet.error >= 0x80)
     assert len(left) <= KEPT
-    list(FastAnswer((1, 2, 3), 4).feed(data))
+    FastAnswer((1, 2, 3), 4).feed(data)
 
 
 def due(data: bytes) -> None:

@@ -9,8 +9,7 @@ from typing import Final, TextIO
 
 import numpy as np
 
-from contid.control.daemon.cancellable_reader import CancellableReader
-from contid.control.daemon.inputs import Stream, read_file, read_stdin
+from contid.control.daemon.inputs import CancellableReader, Stream, read_file, read_stdin
 from contid.control.daemon.terminal import check_progress, print_message
 from contid.control.engine.wiring import build_preflight
 from contid.control.tick.preflight.rows import TooFastError, Unreachable

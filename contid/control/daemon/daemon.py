@@ -16,11 +16,9 @@ from pathlib import Path
 from typing import Final
 
 from contid.control.daemon import terminal
-from contid.control.daemon.cancellable_reader import InputCancelledError
-from contid.control.daemon.command_tasks import CommandTasks
 from contid.control.daemon.control_child import ControlChild
-from contid.control.daemon.inputs import Stream
-from contid.control.daemon.interfaces import RunObserver
+from contid.control.daemon.inputs import InputCancelledError, Stream
+from contid.control.daemon.interfaces import CommandTasks, RunObserver
 from contid.control.daemon.notify import Notifier
 from contid.control.daemon.order_channel import OrderChannel
 from contid.control.daemon.pending_input import PendingInput
@@ -29,8 +27,7 @@ from contid.control.daemon.responsive import responsive
 from contid.control.daemon.ring_feed import RingFeed
 from contid.control.daemon.row_stream import LiveRowReader, StreamFollower
 from contid.control.daemon.run_request import RunOptions, preflight_of, rate_of
-from contid.control.daemon.run_signals import RunSignals
-from contid.control.daemon.shutdown import Escalation, ShutdownSequence
+from contid.control.daemon.shutdown import Escalation, RunSignals, ShutdownSequence
 from contid.control.daemon.silence_watch import ProcessActivity, Silence, SilenceWatch
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.events import RunEvent
@@ -41,8 +38,7 @@ from contid.control.engine.report import RunReport, outrun
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
 from contid.control.engine.wiring import record_layout
 from contid.control.process.isolation.body import isolated
-from contid.control.process.isolation.measured_tips_beside import MeasuredTipsBeside
-from contid.control.process.isolation.model_threads import ModelThreads
+from contid.control.process.isolation.model_threads import MeasuredTipsBeside, ModelThreads
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.ring_reader import RingReader
 from contid.control.process.setup import RunSetup

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import io
 import os
+import select
 import stat
+import threading
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TextIO
 
-from contid.control.daemon.cancellable_reader import CancellableReader
 from contid.errors import BadInputError, ContidError, Located
 from contid.robot_file.robot import RobotDescription
 from contid.trajectory.lines import HeaderSearch
@@ -27,6 +28,43 @@ from contid.units import MAX_LINE
 CHUNK: Final = 1 << 20
 #: Bytes of a line before the rows: more of them are more characters than a header may have (`MAX_LINE`).
 _MOST_BYTES: Final = 4 * MAX_LINE
+
+
+class InputCancelledError(Exception):
+    """The input is no longer needed."""
+
+
+class CancellableReader:
+    """Reads descriptors in one thread; `cancel` ends a pending read from another."""
+
+    def __init__(self) -> None:
+        self._wake_r, self._wake_w = os.pipe()
+        self._cancelled = threading.Event()
+
+    def read(self, descriptor: int, size: int) -> bytes:
+        """Like `os.read`.
+
+        Raises:
+            InputCancelledError: `cancel` was called.
+        """
+        select.select([descriptor, self._wake_r], [], [])
+        self.check()
+        return os.read(descriptor, size)
+
+    def check(self) -> None:
+        """Raise `InputCancelledError` after `cancel`; long computations call it between steps."""
+        if self._cancelled.is_set():
+            raise InputCancelledError
+
+    def cancel(self) -> None:
+        """Make `read` and `check` raise from now on; callable from any thread."""
+        self._cancelled.set()
+        os.write(self._wake_w, b"!")
+
+    def close(self) -> None:
+        """Close the descriptors; no thread may be reading."""
+        os.close(self._wake_r)
+        os.close(self._wake_w)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,12 +1,14 @@
 """Interfaces of the participants in a run: `RunControl`, `CommandSource`, `RunObserver`, `RunRecordings`.
 
-Every command to a run goes through `RunControl`; the socket server of `contid.remote` is a `CommandSource`.
+Every command to a run goes through `RunControl`; the socket server of `contid.remote` is a `CommandSource`,
+and its task one of `CommandTasks`.
 A `RunObserver`, such as a recorder or a viewer, gets the path of the ring and reads at its own pace.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import asyncio
+from collections.abc import Callable, Coroutine, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -131,3 +133,32 @@ class RunRecordings(Protocol):
 
     def as_fields(self) -> list[dict[str, Any]]:
         """Every recording under way, for ``status``."""
+
+
+class CommandTasks:
+    """The tasks of the sources of commands; when one fails, the run ends: clients could not stop it.
+
+    Args:
+        failed: called with a message when a task ended with an error.
+    """
+
+    def __init__(self, failed: Callable[[str], None]) -> None:
+        self._failed = failed
+        self._tasks: list[asyncio.Task[None]] = []
+
+    def start(self, source: Coroutine[Any, Any, None]) -> None:
+        """Run a source of commands beside the run."""
+        task = asyncio.create_task(source)
+        task.add_done_callback(self._ended)
+        self._tasks.append(task)
+
+    def _ended(self, task: asyncio.Task[None]) -> None:
+        error = None if task.cancelled() else task.exception()
+        if error is not None:
+            self._failed(f"a source of commands ended early: {type(error).__name__}: {error}")
+
+    async def end(self) -> None:
+        """Cancel all and wait for them."""
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)

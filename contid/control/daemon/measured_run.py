@@ -115,10 +115,11 @@ class MeasuredRun:
         ends_s = time.monotonic() + self._longest_s
         found: list[TickTimes] = []
         while self.process.tick < last and (time.monotonic() < ends_s or len(found) < 2):
+            arrives = motion == "stream" and (self.process.tick - first) / self._rate_hz * ROWS_HZ >= row
+            rows, row = self._row(row) if arrives else None, row + arrives
             begin_s = time.thread_time()
-            if motion == "stream" and (self.process.tick - first) / self._rate_hz * ROWS_HZ >= row:
-                self._send_row(row)
-                row += 1
+            if rows is not None:
+                self._obey(rows)
             self._turn()
             whole_s = time.thread_time() - begin_s
             found.append(
@@ -147,15 +148,15 @@ class MeasuredRun:
         self._turn()
         self._obey(Begin())
         self._obey(Resume())
-        self._send_row(0)
+        self._obey(self._row(0))
         self._turn()
         self._turn_until(self._follow)
 
     def _follow(self) -> bool:
         return all(state.mode in (Mode.RUN, Mode.FAULT) for state in self._engine.robots.states)
 
-    def _send_row(self, row: int) -> None:
-        self._obey(Rows({name: Target(tip_m=tip_at(row / ROWS_HZ)) for name, tip_at in self._tips.items()}))
+    def _row(self, row: int) -> Rows:
+        return Rows({name: Target(tip_m=tip_at(row / ROWS_HZ)) for name, tip_at in self._tips.items()})
 
     def _obey(self, order: Play | Hold | Begin | Resume | Rows) -> None:
         self._engine.obey(order, self.process.tick)

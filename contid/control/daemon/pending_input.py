@@ -13,8 +13,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Final
 
-from contid.control.daemon.cancellable_reader import CancellableReader, InputCancelledError
-from contid.control.daemon.inputs import Stream
+from contid.control.daemon.inputs import CancellableReader, InputCancelledError, Stream
 from contid.control.engine import messages as msg
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import MarkReached, OrderRefused

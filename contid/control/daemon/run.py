@@ -14,10 +14,9 @@ from contextlib import ExitStack, closing
 from itertools import chain
 from pathlib import Path
 
-from contid.control.daemon.cancellable_reader import CancellableReader
 from contid.control.daemon.control_child import ControlChild
 from contid.control.daemon.daemon import Daemon
-from contid.control.daemon.inputs import Stream
+from contid.control.daemon.inputs import CancellableReader, Stream
 from contid.control.daemon.row_stream import LiveRowReader
 from contid.control.daemon.run_request import RunRequest, load, open_input, preflight_of, rate_of, read_input
 from contid.control.daemon.spawn import Spawned

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from contid import kernels
-from contid.control.daemon.cancellable_reader import CancellableReader
 from contid.control.daemon.check_trajectory import with_remedy
-from contid.control.daemon.inputs import Stream, has_input, read_file, read_stdin
+from contid.control.daemon.inputs import CancellableReader, Stream, has_input, read_file, read_stdin
 from contid.control.daemon.interfaces import CommandSource, RunObserver
 from contid.control.daemon.pending_input import PendingInput
 from contid.control.daemon.terminal import check_progress, print_message

@@ -1,12 +1,16 @@
-"""Deadlines of the end of a run: orderly stop, then relax, then kill.
+"""The end of a run: the signals that ask for it, and its deadlines: orderly stop, then relax, then kill.
 
 The control process reports how long its stop takes. `STOP_GRACE_S` after that time it must relax or vent;
-`KILL_GRACE_S` later it is killed and the devices' own watchdogs stop them. Pure computation on given times.
+`KILL_GRACE_S` later it is killed and the devices' own watchdogs stop them. The deadlines are pure computation
+on given times.
 """
 
 from __future__ import annotations
 
+import asyncio
 import enum
+import signal
+from collections.abc import Callable
 from typing import Final
 
 #: Allowed for the report of the stopping time, and beyond that time for the stop itself.
@@ -57,3 +61,36 @@ class ShutdownSequence:
         if self._kill_at_s is not None and now_s > self._kill_at_s:
             return Escalation.KILL
         return Escalation.NOTHING
+
+
+class RunSignals:
+    """Handlers of SIGINT, SIGTERM and, without nohup, SIGHUP in the loop of a run.
+
+    Args:
+        interrupt: for SIGINT and SIGTERM.
+        hung_up: for SIGHUP.
+    """
+
+    def __init__(self, interrupt: Callable[[], None], hung_up: Callable[[], None]) -> None:
+        self._handlers = {signal.SIGINT: interrupt, signal.SIGTERM: interrupt}
+        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # nohup
+            self._handlers[signal.SIGHUP] = hung_up
+
+    def handle(self) -> None:
+        """Handle them from now on."""
+        for number, handler in self._handlers.items():
+            asyncio.get_running_loop().add_signal_handler(number, handler)
+
+    def ignore(self) -> None:
+        """Ignore further ones during the clean-up: raised in a task they would print a traceback."""
+        for number in self._handlers:
+            asyncio.get_running_loop().add_signal_handler(number, _ignore)
+
+    def remove(self) -> None:
+        """Restore the handlers of the interpreter."""
+        for number in self._handlers:
+            asyncio.get_running_loop().remove_signal_handler(number)
+
+
+def _ignore() -> None:
+    """Handler of a signal after the robots have come to rest."""

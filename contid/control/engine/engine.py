@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from contid.control.engine.chains import ArmsTogether, ChainGuards
 from contid.control.engine.cycle import OnEnd, Sink, Timing
 from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.exchange import Exchange
@@ -19,7 +18,9 @@ from contid.control.engine.ports import BusPort
 from contid.control.engine.robots import Order, Robots
 from contid.control.engine.sources import Live, Timed
 from contid.control.engine.stages import (
+    ArmsTogether,
     BodyClearance,
+    ChainGuards,
     EngineParts,
     ReactsToContacts,
     TickStage,
@@ -84,6 +85,7 @@ class Engine:
             clearance: what keeps bodies apart, None without.
         """
         self.finished = False
+        records = sink
         self._sink = sink = self._refusals = NumberedRefusals(sink)
         self.costs = TickCosts(now, len(configs), tuple(ports))
         self.robots = Robots(configs, sink, self.costs)
@@ -120,7 +122,7 @@ class Engine:
         self._before, self._after, self._settle = (
             with_method(stages, method) for method in ("before", "after", "settle")
         )
-        self._recorder = RecordPacker(self.robots, self.exchange, sink, now)
+        self._recorder = RecordPacker(self.robots, self.exchange, records, now)
         self._buses = tuple(ports)
         self._orders = OrderHandler(
             self.robots, self.selector, self.exchange, together, stages, sink, self._fail
@@ -174,13 +176,14 @@ class Engine:
         now_s = step / self._rate_hz
         source = selector.source
         live = isinstance(source, Live)
-        targets = selector.targets(step, now_s)
-        for stage in self._before:
-            try:
-                targets = stage.before(targets, timing, now_s)
-            except Exception as error:  # an error in a stage must not stop the robots of others
-                self._fail(stage, error, now_s)
-        outcomes = self._ticks(targets, now_s, live)
+        with self.costs.watched():
+            targets = selector.targets(step, now_s)
+            for stage in self._before:
+                try:
+                    targets = stage.before(targets, timing, now_s)
+                except Exception as error:  # an error in a stage must not stop the robots of others
+                    self._fail(stage, error, now_s)
+            outcomes = self._ticks(targets, now_s, live)
         for stage in self._after:
             try:
                 stage.after(outcomes, targets, now_s)
@@ -216,24 +219,24 @@ class Engine:
         outcomes: list[TickResult] = []
         at_s = costs.now()
         measured = robots.measured
-        with costs.watched():
-            for index, (config, state) in enumerate(zip(robots.configs, robots.states, strict=True)):
-                name = config.name
-                try:
-                    robots.begin(index)
-                    outcome = tick(
-                        config, state, now_s, samples_of(config), targets.get(name), measured.get(name),
-                        live=live,
-                    )  # fmt: skip
-                    costs.running = -1
-                except UnansweredError as error:
-                    robots.note_unanswered(index, error)
-                    failed = transitions.fail(config, state, error.fault, str(error), now_s)
-                    outcome = stop_without_model(config, failed, now_s)
-                outcomes.append(outcome)
-                before_s, at_s = at_s, costs.now()
-                costs.robots_s[index] = at_s - before_s
-        costs.mark(-1)
+        for index, (config, state) in enumerate(zip(robots.configs, robots.states, strict=True)):
+            name = config.name
+            try:
+                if robots.overran:
+                    robots.raise_unanswered(index)
+                costs.begin(index)
+                outcome = tick(
+                    config, state, now_s, samples_of(config), targets.get(name), measured.get(name), live=live
+                )
+                costs.running = -1
+            except UnansweredError as error:
+                robots.note_unanswered(index, error)
+                failed = transitions.fail(config, state, error.fault, str(error), now_s)
+                outcome = stop_without_model(config, failed, now_s)
+            outcomes.append(outcome)
+            before_s, at_s = at_s, costs.now()
+            costs.robots_s[index] = at_s - before_s
+        costs.robot_at_work[0] = 0
         return outcomes
 
     def _fail(self, stage: TickStage, error: Exception, now_s: float) -> None:

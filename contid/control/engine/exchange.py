@@ -89,9 +89,8 @@ class Exchange:
 
     def samples_of(self, config: RobotConfig) -> tuple[Sample, ...]:
         """Newest sample of every axis of a robot; empty before the first exchange."""
-        samples = self.samples
         try:
-            return tuple([samples[axis] for axis in config.axes])
+            return tuple(map(self.samples.__getitem__, config.axes))
         except KeyError:  # before the first exchange of one of its buses
             return ()
 

@@ -6,14 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from contid.control.engine import messages as msg
-from contid.control.engine.chains import ArmsTogether
 from contid.control.engine.cycle import Sink
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import EffortLimited, MarkReached, OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.order_events import order_event, rows_event
 from contid.control.engine.robots import Order, Robots, Stopping
-from contid.control.engine.stages import TickStage, with_method
+from contid.control.engine.stages import ArmsTogether, TickStage, with_method
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.tick import fault_exits, transitions
 from contid.control.tick.config import RobotConfig
@@ -69,7 +68,7 @@ class OrderHandler:
         self._robots = robots
         self._selector = selector
         self._exchange = exchange
-        self._chains = chains
+        self._chains, self._has_chains = chains, chains.has_chains
         self._stage_failed = stage_failed
         self._changing_gotos = with_method(stages, "goto")
         self._cancelled = with_method(stages, "cancel")
@@ -80,7 +79,7 @@ class OrderHandler:
         selector = self._selector
         if isinstance(message, msg.Rows):
             self._sink.event(rows_event(message, tick_number))
-            if self._chains.has_chains:
+            if self._has_chains:
                 self._chains.begin_gotos(now_s)
             if not selector.finishing:  # nothing may delay the end of a run
                 selector.rows(message.targets, now_s)
@@ -90,7 +89,7 @@ class OrderHandler:
             message = msg.Hold()
         if (order := order_event(message, tick_number)) is not None:
             self._sink.event(order)
-        if self._chains.has_chains and not isinstance(message, msg.Goto):
+        if self._has_chains and not isinstance(message, msg.Goto):
             self._chains.begin_gotos(now_s)
         # A client that gives orders may give more: the run then waits even if every robot is in FAULT.
         selector.attended = selector.attended or not isinstance(message, msg.Measured | msg.EndOfRows)

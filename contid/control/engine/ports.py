@@ -159,9 +159,11 @@ class BusPort:
         self.busy = True
         self.exempt = job.reopen or bool(job.effects)
         if self._worker is None:
-            self._prepare(self.exempt)
+            if self.exempt:
+                self._prepare(True)
             self._answer = perform(self.bus, job)
-            self._prepare(False)
+            if self.exempt:
+                self._prepare(False)
         else:
             self._jobs.put(job)
 

@@ -56,6 +56,7 @@ class Robots:
         tallies: statistics of each.
         reported: mode of each in its newest event.
         costs: of the cycles, with the alarm of a model that takes too long.
+        tick: number of the tick that runs, or before which orders are carried out.
         overran: by robot and question of the present tick the error of a model that did not answer; a replay
             puts those of the recording there.
         measured: newest measured tip by name.
@@ -68,7 +69,7 @@ class Robots:
         self.tallies = [RobotTally() for _ in configs]
         self.costs = costs
         self.overran: dict[tuple[str, int], UnansweredError] = {}
-        self._number, self._asked = -1, [0] * len(self.configs)
+        self.tick, self._asked = -1, [0] * len(self.configs)
         self._index = {config.name: index for index, config in enumerate(configs)}
         self.reported = [Mode.OFF for _ in configs]
         self.measured: dict[str, Measurement] = {}
@@ -129,7 +130,7 @@ class Robots:
         """
         config, state = self.configs[index], self.states[index]
         with self.costs.watched():
-            after = self.ask(config.name, now_s, order, config, state, now_s)
+            after = self.ask(index, now_s, order, config, state, now_s)
         if after is not None:
             self.states[index] = after
         elif isinstance(order, Stopping) and self.states[index].enabled:
@@ -138,7 +139,7 @@ class Robots:
             policy = stronger(order.policy_of(config), failed.policy)
             self.states[index] = replace(failed, policy=policy)
 
-    def ask(self, name: str, now_s: float, question: Callable[..., T], /, *arguments: object) -> T | None:
+    def ask(self, index: int, now_s: float, question: Callable[..., T], /, *arguments: object) -> T | None:
         """The answer to a question that may need the model of a robot, outside its tick.
 
         None where the model fails, which is a fault of its robot only.
@@ -146,10 +147,12 @@ class Robots:
         Raises:
             OrderRefusedError: the question is an order that the state does not allow.
         """
-        index = self._index[name]
-        number, self._asked[index] = self._asked[index], self._asked[index] + 1
+        number = self._asked[index]
+        self._asked[index] = number + 1
         try:
-            self.begin(index, number)
+            if self.overran:
+                self.raise_unanswered(index, number)
+            self.costs.begin(index)
             answer = question(*arguments)
             self.costs.running = -1
             return answer
@@ -171,29 +174,26 @@ class Robots:
         """As `ask`; by older rules an error was one of all robots of the stage that asks."""
         if self.configs[0].motion_rules < 6:
             return question(*arguments)
-        return self.ask(name, now_s, question, *arguments)
+        return self.ask(self._index[name], now_s, question, *arguments)
 
     def begin_tick(self, number: int) -> None:
         """Count the questions of a tick, from the first order before it on."""
-        if number != self._number:
-            self._number, self._asked = number, [0] * len(self.configs)
+        if number != self.tick:
+            self.tick, self._asked = number, [0] * len(self.configs)
 
-    def begin(self, index: int, question: int = IN_TICK) -> None:
-        """A question of a robot's model begins; which is an input of a replay.
+    def raise_unanswered(self, index: int, question: int = IN_TICK) -> None:
+        """Where a replay has unanswered questions: is this one of a robot's model?
 
         Raises:
             UnansweredError: it was not answered in the run that is replayed.
         """
         if error := self.overran.pop((self.configs[index].name, question), None):
             raise error
-        self.costs.begin(index)
 
     def note_unanswered(self, index: int, error: UnansweredError, question: int = IN_TICK) -> None:
         """Emit that a question was not answered."""
         name, fault = self.configs[index].name, int(error.fault)
-        event = RobotOverran(
-            tick=self._number, robot=name, message=str(error), fault=fault, question=question
-        )
+        event = RobotOverran(tick=self.tick, robot=name, message=str(error), fault=fault, question=question)
         self._sink.event(event)
 
     def fail(self, index: int, fault: Fault, message: str, now_s: float) -> None:

@@ -22,7 +22,7 @@ class Ask(Protocol):
     """Asks the follower of a robot what may need its model: `contid.control.engine.robots.Robots.ask`."""
 
     def __call__(
-        self, name: str, now_s: float, question: Callable[..., T], /, *arguments: object
+        self, index: int, now_s: float, question: Callable[..., T], /, *arguments: object
     ) -> T | None:
         """The answer, None where the model fails."""
 
@@ -48,7 +48,8 @@ class Timed:
         self._trajectory = trajectory
         self._rate_hz = rate_hz
         self._configs = tuple(configs)
-        self._robots = tuple(trajectory.targets_of_row(0))
+        followers = trajectory.targets_of_row(0)
+        self._robots = [index for index, config in enumerate(configs) if config.name in followers]
         self._length = (trajectory.end_s - trajectory.start_s) * rate_hz
         self._origin: int | None = None
         self._base = 0.0  # ticks of the trajectory played before the last pause
@@ -76,9 +77,9 @@ class Timed:
         self.time_s = time_s
         return trajectory.targets_at(time_s)
 
-    def watch(self, tick: int, states: Mapping[str, RobotState]) -> None:
+    def watch(self, tick: int, states: Sequence[RobotState]) -> None:
         """After a tick: start the clock when every robot has arrived; detect the end."""
-        followers = [states[name] for name in self._robots if states[name].follow]
+        followers = [states[index] for index in self._robots if states[index].follow]
         if self._ended_at is not None:
             still = all(state.command == state.reference for state in followers)
             self.finished = still or tick - self._ended_at > SETTLE_S * self._rate_hz
@@ -87,9 +88,9 @@ class Timed:
             if arrived:
                 self._begin(tick)
 
-    def at_start(self, states: Mapping[str, RobotState]) -> bool:
+    def at_start(self, states: Sequence[RobotState]) -> bool:
         """True when it waits, and every robot has arrived at the first row."""
-        robots = [states[name] for name in self._robots]
+        robots = [states[index] for index in self._robots]
         return self.waits and not self._paused and all(s.follow and s.mode is Mode.RUN for s in robots)
 
     def pause(self, tick: int) -> None:
@@ -132,7 +133,8 @@ class Live:
     """
 
     def __init__(self, configs: Sequence[RobotConfig]) -> None:
-        self._followers = {config.name: TargetFollower(config) for config in configs}
+        self._followers = [TargetFollower(config) for config in configs]
+        self._names = [config.name for config in configs]
         self._ended = self._paused = False
         self.time_s = None
         self.finished = False
@@ -140,43 +142,38 @@ class Live:
     @property
     def delay_s(self) -> float:
         """How long after it was meant a row is followed [s]: the greatest of the robots."""
-        return max([follower.delay_s for follower in self._followers.values()], default=0.0)
+        return max([follower.delay_s for follower in self._followers], default=0.0)
 
     def put(
-        self, targets: Mapping[str, Target | None], now_s: float, states: Mapping[str, RobotState], ask: Ask
+        self, targets: Mapping[str, Target | None], now_s: float, states: Sequence[RobotState], ask: Ask
     ) -> None:
         """A new row; robots it does not name keep their target."""
         for name, target in targets.items():
-            ask(name, now_s, self._followers[name].put, target, now_s, states[name])
+            index = self._names.index(name)
+            ask(index, now_s, self._followers[index].put, target, now_s, states[index])
 
     def end(self) -> None:
         """No further row will come."""
         self._ended = True
-        for follower in self._followers.values():
+        for follower in self._followers:
             follower.end()
 
-    def targets(
-        self, now_s: float, states: Mapping[str, RobotState], ask: Ask
-    ) -> Mapping[str, Target | None]:
+    def targets(self, now_s: float, states: Sequence[RobotState], ask: Ask) -> Mapping[str, Target | None]:
         """Targets by robot at a tick, in the world frame; none while the stream is paused."""
-        given = {
-            name: ask(name, now_s, follower.target, now_s, states[name])
-            for name, follower in self._followers.items()
-            if follower.follows
-        }
+        given = {}
+        for index, follower in enumerate(self._followers):
+            if follower.row is not None:
+                given[self._names[index]] = ask(index, now_s, follower.target, now_s, states[index])
         return {} if self._paused else given
 
-    def watch(self, tick: int, states: Mapping[str, RobotState]) -> None:
+    def watch(self, tick: int, states: Sequence[RobotState]) -> None:
         """At the end of the stream, wait until the last row is reached."""
         if self._ended:
             self.finished = not any(
                 state.mode in (Mode.CONNECTING, Mode.READY, Mode.ARMING, Mode.APPROACH)
-                or (
-                    state.mode is Mode.RUN
-                    and not (self._followers[name].resting and state.command == state.reference)
-                )
-                for name, state in states.items()
-                if self._followers[name].follows and state.follow
+                or (state.mode is Mode.RUN and not (follower.resting and state.command == state.reference))
+                for follower, state in zip(self._followers, states, strict=True)
+                if follower.row is not None and state.follow
             )
 
     def pause(self, tick: int) -> None:

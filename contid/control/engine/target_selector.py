@@ -16,14 +16,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from contid.control.engine.chains import ArmsTogether
 from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.events.run import SourceEnded, StopBegan, StreamDelayed
 from contid.control.engine.messages import RobotNames
 from contid.control.engine.robots import Robots, Stopping
 from contid.control.engine.sources import Live, Source, Timed
+from contid.control.engine.stages import ArmsTogether
 from contid.control.tick import transitions
-from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode, stronger
 from contid.control.tick.tip_feedback import Measurement
 from contid.robot_file.base import StopPolicy
@@ -78,8 +77,7 @@ class TargetSelector:
         if source is None:
             return _NOTHING
         if isinstance(source, Live):
-            with self._robots.costs.watched():
-                return source.targets(now_s, self._states(), self._robots.ask)
+            return source.targets(now_s, self._robots.states, self._robots.ask)
         targets = source.targets(step)
         self._note(targets, now_s)
         return targets
@@ -87,7 +85,7 @@ class TargetSelector:
     def rows(self, targets: Mapping[str, Target | None], now_s: float) -> None:
         """A row of a live stream arrived."""
         with self._robots.costs.watched():
-            self._live().put(targets, now_s, self._states(), self._robots.ask)
+            self._live().put(targets, now_s, self._robots.states, self._robots.ask)
         self._note(targets, now_s)
 
     def end_of_rows(self) -> None:
@@ -108,7 +106,7 @@ class TargetSelector:
     def at_start(self) -> bool:
         """True when a trajectory waits, with every robot at its first row."""
         source = self.source
-        return isinstance(source, Timed) and source.at_start(self._states())
+        return isinstance(source, Timed) and source.at_start(self._robots.states)
 
     def go(self) -> None:
         """Let a trajectory that waits begin in this step."""
@@ -134,18 +132,19 @@ class TargetSelector:
         if self.finishing:
             self._rest_faulted()
             return
-        all_failed = all(state.mode is Mode.FAULT for state in self._robots.states)
-        if self.source is not None:
-            self._watch_source(self.source, tick, step, now_s)
-        if all_failed and not self.attended and not self.finishing:
-            self.finish(None, "on_fault", now_s)
-
-    def _watch_source(self, source: Source, tick: int, step: int, now_s: float) -> None:
+        source = self.source
         if isinstance(source, Live) and tick % STATED_TICKS == 0:
             self._report_delay(source.delay_s, tick)
-        source.watch(step, self._states())
-        if not source.finished or self.ended:
+        if source is not None:
+            source.watch(step, self._robots.states)
+            if source.finished and not self.ended:
+                self._end_with_source(tick, now_s)
+        if self.attended or self.finishing:
             return
+        if all(state.mode is Mode.FAULT for state in self._robots.states):
+            self.finish(None, "on_fault", now_s)
+
+    def _end_with_source(self, tick: int, now_s: float) -> None:
         self.ended = True
         self._sink.event(SourceEnded(tick=tick, on_end=self._on_end.value))
         if self._on_end is not OnEnd.HOLD:
@@ -179,10 +178,6 @@ class TargetSelector:
             if state.mode is Mode.FAULT and state.enabled and not any(state.increments):
                 policy = stronger(config.stops.on_fault, self._end.policy_of(config))
                 states[index] = transitions.bring_to_rest(state, stronger(policy, state.policy))
-
-    def _states(self) -> dict[str, RobotState]:
-        configs, states = self._robots.configs, self._robots.states
-        return {config.name: state for config, state in zip(configs, states, strict=True)}
 
     def _note(self, targets: Mapping[str, Target | None], now_s: float) -> None:
         for robot, target in targets.items():

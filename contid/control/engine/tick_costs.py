@@ -34,8 +34,9 @@ class TickCosts:
         waited_s: time spent waiting for workers, up to their deadline.
         running: index of the robot whose tick runs, -1 for none.
         begun: ticks of robots begun so far.
-        watch: called before and after the ticks of all robots, with True and False.
-        mark: called with the index of the robot whose tick begins, and with -1 after those of all robots.
+        watch: called before and after what may ask models, with True and False.
+        robot_at_work: one number that other processes see: of the robot that computes or did last, from 1 on,
+            and 0 after the ticks of all robots.
     """
 
     def __init__(self, now: Callable[[], float], robots: int, buses: Sequence[str]) -> None:
@@ -46,19 +47,25 @@ class TickCosts:
         self.running = -1
         self.begun = 0
         self.watch: Callable[[bool], None] = lambda begins: None
-        self.mark: Callable[[int], None] = lambda index: None
+        self.robot_at_work: memoryview[int] | list[int] = [0]
+        self._watched = False
 
     @contextmanager
     def watched(self) -> Iterator[None]:
-        """Where models are asked: one that takes too long is interrupted."""
+        """Where models are asked: one that takes too long is interrupted. Inside another one: nothing."""
+        if self._watched:
+            yield
+            return
+        self._watched = True
         self.watch(True)
         try:
             yield
         finally:
             self.watch(False)
+            self._watched = False
 
     def begin(self, index: int) -> None:
         """The tick of a robot begins."""
         self.begun += 1
         self.running = index
-        self.mark(index)
+        self.robot_at_work[0] = index + 1

@@ -8,8 +8,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from contid.control.engine.chains import ChainGuards
-from contid.control.engine.stages import BodyClearance
+from contid.control.engine.stages import BodyClearance, ChainGuards
 from contid.control.engine.tick_layout import RecordLayout, RobotLayout
 from contid.control.tick.config import RobotConfig, robot_config
 from contid.control.tick.preflight.kept_apart import ChecksRope

@@ -114,7 +114,7 @@ class ControlProcess:
             trajectory=setup.trajectory, on_end=setup.on_end, attended=setup.attended,
             chains=chains_of(setup.loaded), clearance=clearance_of(setup.loaded),
         )  # fmt: skip
-        self.engine.costs.mark = ring.mark_robot
+        self.engine.costs.robot_at_work = ring.robot_at_work
         begin_ticks(models, self.engine.costs, setup.rate_hz)
 
     def run(self) -> None:

@@ -37,6 +37,13 @@ class RingWriter(MappedRing):
         super().__init__(path)
         self._ticks = 0
         self._events = 0
+        #: Number of the robot whose model computes, from 1 on; 0 for none.
+        self.robot_at_work = self._numbers[ROBOT : ROBOT + 1]
+
+    def close(self) -> None:
+        """Unmap and close; idempotent."""
+        self.robot_at_work.release()
+        super().close()
 
     def write(self, values: list[float]) -> None:
         """Publish one tick: all values of the layout in order."""
@@ -74,10 +81,6 @@ class RingWriter(MappedRing):
     def mark_preparing(self, begins: bool) -> None:
         """Mark that a request to devices begins, which may take longer than a tick, or is over."""
         self._numbers[PREPARING] = begins
-
-    def mark_robot(self, robot: int) -> None:
-        """Mark that the tick of a robot begins, by its index; -1 when those of all are over."""
-        self._numbers[ROBOT] = robot + 1
 
     def publish_costs(self, robots_s: Sequence[float]) -> None:
         """Publish durations of a tick of every robot [s]; readers get their running means."""

@@ -84,10 +84,10 @@ class TickAlarm:
             UnansweredError: it has taken too long.
         """
         costs = self._costs
+        is_long_in_c = self._computed() > self._longest_s
         if costs.running == _NONE:
             return
         is_long_in_python = self._counted() > _MOST_INTERVALS * self._interval_s
-        is_long_in_c = self._computed() > self._longest_s
         if is_long_in_python or is_long_in_c:
             costs.running = _NONE
             raise UnansweredError(f"its model was interrupted after {self._longest_s * 1e3:.0f} ms")

@@ -106,7 +106,7 @@ class DueDriver:
 
     def wiring(self, options: BaseModel, axis: BaseModel) -> Mapping[str, object]:
         """The options that a change of wiring would change (`contid.hal.pulses.Proves`)."""
-        from contid_drivers.due.proven import wiring
+        from contid_drivers.due.identity import wiring
 
         assert isinstance(options, DueBusOptions)
         assert isinstance(axis, DueAxisOptions)
@@ -114,7 +114,7 @@ class DueDriver:
 
     def devices(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> Mapping[str, ProvenDevice]:
         """The board, for each axis (`contid.hal.pulses.Proves`)."""
-        from contid_drivers.due.proven import board
+        from contid_drivers.due.identity import board
         from contid_drivers.due.session import ask_hello
 
         assert isinstance(options, DueBusOptions)

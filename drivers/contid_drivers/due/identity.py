@@ -13,13 +13,20 @@ from dataclasses import replace
 from typing import Final
 
 from contid.errors import DeviceNotFoundError
+from contid.hal.pulses import ProvenDevice
 from contid.kit.remembered import BusMemory, accept_remedy
 from contid_drivers.due.axis import BoardAxis
 from contid_drivers.due.messages import Hello
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions
 
 #: A motor closer than this to its ``power_up_deg`` was parked: play and spring-back of a gear.
 PARKED_RAD: Final = math.radians(10.0)
 _BOARD: Final = "board"
+#: Options that a change of cables or parts changes.
+_WIRING: Final = (
+    "channel", "bridge", "encoder_reversed", "motor_reversed", "counts_per_rev", "start_state", "on_watchdog",
+    "current_ma_per_v", "calibration", "readback",
+)  # fmt: skip
 
 
 def require_known(name: str, path: str, hello: Hello, memory: BusMemory) -> None:
@@ -80,3 +87,17 @@ def accept(hello: Hello, memory: BusMemory) -> str:
     """Take a board as that of the bus; where its motors stand is unknown. Returns a line about it."""
     memory.save(replace(memory.empty, devices={_BOARD: hello.unique_id}))
     return f"board {hello.unique_id}; motors without homing are parked by `contid home --parked`"
+
+
+def board(hello: Hello) -> ProvenDevice:
+    """The board behind a hello."""
+    return ProvenDevice(hello.unique_id, ".".join(map(str, hello.firmware)))
+
+
+def wiring(options: DueBusOptions, axis: DueAxisOptions) -> Mapping[str, object]:
+    """The options of an axis and its bus that a change of wiring would change."""
+    # Digests of axes without valves stay those of files that were written before there were any.
+    keys = {*_WIRING} if axis.valves is None else {*_WIRING, "valves"}
+    return {"role": options.role, "connection": options.connection} | axis.model_dump(
+        mode="json", include=keys
+    )

@@ -10,7 +10,7 @@ from typing import Final
 from contid.errors import DeviceError
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel import turns
-from contid_drivers.dynamixel.axis import Axis, TorqueState, Turn
+from contid_drivers.dynamixel.axis import KNOWN_TURNS, Axis, TorqueState, Turn
 from contid_drivers.dynamixel.checks import identity
 from contid_drivers.dynamixel.client import TRIES, NoAnswerError, ServoClient, ServoError, ServoRefusedError
 from contid_drivers.dynamixel.grip import goal_current, limit_ma, read_own_limit
@@ -310,7 +310,7 @@ def recover(client: ServoClient, axis: Axis) -> None:
     identity.require_same(client, axis)
     finish_rest(client, axis)
     if client.read(device, reg.HARDWARE_ERROR):
-        if axis.turn.known:
+        if axis.turn in KNOWN_TURNS:
             axis.seen = axis.to_rad(client.read(device, reg.PRESENT_POSITION))
         client.reboot(device)
         if bits := client.read(device, reg.HARDWARE_ERROR):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import dataclass, field
+from typing import Final
 
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Reference, Sample
@@ -17,9 +18,9 @@ from contid_drivers.dynamixel.models import BY_NAME, ServoModel
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions, Tensioning
 from contid_drivers.dynamixel.plausibility import FollowingError, SlackTendon
 
-RESET_FAULT = "it reset itself (brown-out?); its watchdog, settings and turn count are gone"
+RESET_FAULT: Final = "it reset itself (brown-out?); its watchdog, settings and turn count are gone"
 #: Following error allowed in extended position mode.
-FOLLOWING_ERROR_DEG = 30.0
+FOLLOWING_ERROR_DEG: Final = 30.0
 
 
 class Turn(enum.Enum):
@@ -34,10 +35,9 @@ class Turn(enum.Enum):
     IN_SERVO = enum.auto()  # known; the servo keeps a record that it loses when it resets
     LOST = enum.auto()  # the servo reset, or its position jumped: no reading counts until it is recovered
 
-    @property
-    def known(self) -> bool:
-        """`Axis.turns` brings a position of the servo to the angle of its axis."""
-        return self in (Turn.ON_HOST, Turn.IN_SERVO)
+
+#: `Axis.turns` brings a position of the servo to the angle of its axis.
+KNOWN_TURNS: Final = (Turn.ON_HOST, Turn.IN_SERVO)
 
 
 class TorqueState(enum.Enum):
@@ -60,10 +60,9 @@ class TorqueState(enum.Enum):
     HOLD_PENDING = enum.auto()  # it is to hold as soon as it answers
     RELAX_PENDING = enum.auto()  # its torque goes off as soon as it answers
 
-    @property
-    def pending(self) -> bool:
-        """The servo has to be brought to rest when it answers."""
-        return self in (TorqueState.HOLD_PENDING, TorqueState.RELAX_PENDING)
+
+#: The servo has to be brought to rest when it answers.
+REST_PENDING: Final = (TorqueState.HOLD_PENDING, TorqueState.RELAX_PENDING)
 
 
 @dataclass(slots=True)
@@ -85,7 +84,7 @@ class Axis:
     return_delay_s: float = 0.0
     mark: str = ""  # which servo it is, see `checks.identity`; "" where that is not known
     own_pwm: int | None = None  # PWM Limit (36)
-    own_limit_ma: float | None = None  # Current Limit (38), of a model that has one
+    greatest_ma: float = 0.0  # current that it exceeds in no mode: of file, servo or model; 0 for none
     # State; an axis with a fault is not enabled:
     state: TorqueState = TorqueState.IDLE
     turn: Turn = Turn.UNKNOWN
@@ -105,6 +104,9 @@ class Axis:
     voltage_v: float | None = None
     temperature_c: float | None = None
     hardware_error: int = 0  # Hardware Error Status (70)
+
+    def __post_init__(self) -> None:
+        self.greatest_ma = self.options.current_limit_ma or self.model.current_limit_ma
 
     @classmethod
     def of(cls, axis: AxisOnBus, bus: DynamixelBusOptions) -> Axis:

@@ -13,7 +13,7 @@ from contid.errors import DeviceError, DeviceLostError
 from contid.hal import AxisOnBus, Clock, Rest, Sample
 from contid_drivers.dynamixel import arming, readings, torque, turns
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.axis import Axis, Turn
+from contid_drivers.dynamixel.axis import REST_PENDING, Axis, TorqueState, Turn
 from contid_drivers.dynamixel.checks import identity
 from contid_drivers.dynamixel.client import ServoClient, ServoError
 from contid_drivers.dynamixel.exchange.block import ServoReading
@@ -81,7 +81,8 @@ class DynamixelBus:
             if len(found) < len(self._by_id):
                 self._retry(cyclic, found.keys(), full)
             else:
-                self._count_complete(cyclic)
+                if not cyclic.fast and self.options.fast_read != "off":
+                    self._try_fast_again(cyclic)
             client.fed_s = time.monotonic()
             for device, doubtful in self._doubtful.items():
                 self._check_turn(client, device, doubtful)
@@ -96,7 +97,7 @@ class DynamixelBus:
                     samples[name] = self._find_cause(client, axis, reading, now, samples[name])
                 if axis.fault != before:
                     log.error("%s: %s", axis.name, axis.fault)
-                if axis.state.pending and reading is not None:
+                if axis.state in REST_PENDING and reading is not None:
                     self._rest(client, axis, reading)
             self._note_missing(opened)
         except DeviceLostError as error:
@@ -135,7 +136,7 @@ class DynamixelBus:
         if self._stalls >= STALLS_LOGGED:
             self._log_late(cyclic, "and every exchange waits for them")
         missing = [axis for axis in self._states.values() if axis.misses]
-        if not missing and not cyclic.disturbed:
+        if not missing and not cyclic.silent and not cyclic.answers.counts.late:
             return
         opened.client.expect_late(axis.device for axis in missing)
         cyclic.put_last([axis.device for axis in missing if axis.dead])
@@ -164,7 +165,7 @@ class DynamixelBus:
             if not reg.GOAL_POSITION.low <= goal <= reg.GOAL_POSITION.high:
                 raise DeviceError(self.name, f"{name}: {angle:g} rad is beyond the 256 turns of a servo")
             # A servo that missed an exchange may have reset itself: its turn is checked first.
-            if axis.enabled and not axis.misses:
+            if axis.state is TorqueState.ENABLED and not axis.misses:
                 axis.goal = angle
                 goals[axis.device] = goal
         return goals
@@ -192,9 +193,8 @@ class DynamixelBus:
             until += cyclic.timeout_s(full)
         cyclic.read_again(missing, full, until, self._take_answer)
 
-    def _count_complete(self, cyclic: Cyclic) -> None:
-        if cyclic.fast or self.options.fast_read == "off":
-            return
+    def _try_fast_again(self, cyclic: Cyclic) -> None:
+        """After complete exchanges in a row by plain reads."""
         self._clean += 1
         if self._clean == FAST_AGAIN:
             cyclic.fast = self._link.probe_fast()

@@ -75,7 +75,9 @@ class Slack:
     """
 
     def __init__(self, slack_ms: float | Literal["auto"]) -> None:
-        self._slack_ms = slack_ms
+        self._learns = slack_ms == "auto"
+        #: Time to wait beyond the time-out [s].
+        self.seconds = SLACK_MIN_S if slack_ms == "auto" else slack_ms / 1e3
         self._count = 0
         #: The two largest latenesses of this window, and the second largest of the window before [s].
         self._largest = self._second = self._before = 0.0
@@ -84,19 +86,15 @@ class Slack:
         """Count an exchange whose last answer came ``late_s`` after its time on the wire."""
         if late_s > self._second:
             self._largest, self._second = max(self._largest, late_s), min(self._largest, late_s)
+            self._learn()
         self._count += 1
         if self._count >= WINDOW:
             self._count, self._before = 0, self._second
             self._largest = self._second = 0.0
+            self._learn()
 
-    @property
-    def percentile_s(self) -> float:
-        """99.9th percentile of the lateness in this window and the one before."""
-        return max(self._second, self._before)
-
-    @property
-    def seconds(self) -> float:
-        """Time to wait beyond the time-out [s]."""
-        if self._slack_ms != "auto":
-            return self._slack_ms / 1e3
-        return min(max(MARGIN * self.percentile_s, SLACK_MIN_S), SLACK_MAX_S)
+    def _learn(self) -> None:
+        """The slack from the 99.9th percentile of the lateness in this window and the one before."""
+        if self._learns:
+            percentile_s = max(self._second, self._before)
+            self.seconds = min(max(MARGIN * percentile_s, SLACK_MIN_S), SLACK_MAX_S)

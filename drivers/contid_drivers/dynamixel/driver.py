@@ -88,7 +88,7 @@ class DynamixelDriver:
 
     def wiring(self, options: BaseModel, axis: BaseModel) -> Mapping[str, object]:
         """The options that a change of wiring would change (`contid.hal.pulses.Proves`)."""
-        from contid_drivers.dynamixel.checks.proven import wiring
+        from contid_drivers.dynamixel.checks.identity import wiring
 
         assert isinstance(options, DynamixelBusOptions)
         assert isinstance(axis, DynamixelAxisOptions)
@@ -96,7 +96,7 @@ class DynamixelDriver:
 
     def devices(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> Mapping[str, ProvenDevice]:
         """The servo of each axis that answers (`contid.hal.pulses.Proves`)."""
-        from contid_drivers.dynamixel.checks.proven import devices
+        from contid_drivers.dynamixel.checks.identity import devices
 
         assert isinstance(options, DynamixelBusOptions)
         return devices(name, options, axes)

@@ -21,24 +21,19 @@ EVERY: Final = 20
 CURRENT_BASED: Final = reg.MODE_NUMBERS["current_based_position"]
 
 
-def current_limit_ma(axis: Axis) -> float:
-    """Current that a servo does not exceed in any mode [mA], by the robot file, itself or its model."""
-    return axis.options.current_limit_ma or axis.own_limit_ma or axis.model.current_limit_ma
-
-
 def limit_ma(axis: Axis) -> float:
     """Greatest current of an axis [mA] that its mode limits while it moves; 0 when it limits none."""
     if axis.operating_mode != CURRENT_BASED:
         return 0.0
-    limit = current_limit_ma(axis)
-    return min(axis.options.goal_current_ma or limit, limit)
+    return min(axis.options.goal_current_ma or axis.greatest_ma, axis.greatest_ma)
 
 
 def read_own_limit(client: ServoClient, axis: Axis) -> None:
     """Read the limits that the servo has; a Goal Current or Goal PWM above them is refused."""
     axis.own_pwm = client.read(axis.device, reg.PWM_LIMIT)
     if axis.model.ma_per_unit is not None:
-        axis.own_limit_ma = axis.model.ma_per_unit * client.read(axis.device, reg.CURRENT_LIMIT)
+        own_ma = axis.model.ma_per_unit * client.read(axis.device, reg.CURRENT_LIMIT)
+        axis.greatest_ma = axis.options.current_limit_ma or own_ma or axis.model.current_limit_ma
 
 
 def goal_current(axis: Axis) -> int:

@@ -59,7 +59,7 @@ class FollowingError:
         error = abs(error_rad)
         pushing = load is not None and load >= PUSHING
         if error <= self.limit_rad or not (pushing or abs(velocity_rad_s) < STILL_RAD_S):
-            self.clear()
+            self.since, self.best_rad = None, math.inf
             return False
         if self.since is None or error < self.best_rad - PROGRESS * self.limit_rad:
             self.since, self.best_rad = now, error

@@ -11,9 +11,8 @@ from typing import Final
 
 from contid.hal import SLACK_TENDON, SNAPPED_TENDON
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.axis import Axis, TorqueState, Turn
+from contid_drivers.dynamixel.axis import KNOWN_TURNS, Axis, TorqueState, Turn
 from contid_drivers.dynamixel.exchange.block import ServoReading
-from contid_drivers.dynamixel.grip import current_limit_ma
 from contid_drivers.dynamixel.plausibility import FAR_RAD, has_jumped
 
 #: Difference of the time of the servo from that of the host, of readings that came late, and of its clock.
@@ -51,13 +50,17 @@ def take(axis: Axis, reading: ServoReading, time_s: float) -> None:
     axis.misses = 0
     if axis.turn is not Turn.LOST:
         detect_reported(axis, reading)
-    if axis.turn is not Turn.LOST:
-        _detect_jump(axis, reading, time_s)
+    value, known = axis.to_rad(reading.position), axis.turn in KNOWN_TURNS
+    if known and axis.seen is not None and has_jumped(value - axis.seen, time_s - axis.time_s):
+        axis.latch_reset(
+            f"its position jumped by {math.degrees(value - axis.seen):+.0f} deg in "
+            f"{1e3 * (time_s - axis.time_s):.0f} ms; {_JUMP}"
+        )
     if axis.turn is Turn.LOST:
         return
-    axis.value = axis.to_rad(reading.position)
-    if axis.turn.known:
-        axis.seen = axis.value
+    axis.value = value
+    if known:
+        axis.seen = value
     axis.time_s, axis.tick = time_s, reading.tick
     axis.velocity = reading.velocity * reg.RAD_S_PER_UNIT
     unit_ma = axis.model.ma_per_unit
@@ -66,8 +69,8 @@ def take(axis: Axis, reading: ServoReading, time_s: float) -> None:
         axis.voltage_v = reading.voltage / 10.0
     if reading.temperature is not None:
         axis.temperature_c = float(reading.temperature)
-    if axis.enabled:
-        _detect_standstill(axis, axis.value, axis.velocity)
+    if axis.state is TorqueState.ENABLED:
+        _detect_standstill(axis, value, axis.velocity)
         if axis.tendon.winding and axis.effort is not None:
             _detect_slack(axis, axis.effort, axis.velocity)
 
@@ -82,7 +85,7 @@ def detect_reported(axis: Axis, reading: ServoReading) -> None:
         message = reg.describe_hardware_error(axis.hardware_error)
         remedy = reg.remedy_of_hardware_error(axis.hardware_error)
         axis.latch(f"hardware error: {message}: {remedy}" if message else UNREAD_ALERT)
-    if axis.enabled and reading.torque is False and reading.watchdog == axis.watchdog_units:
+    if reading.torque is False and axis.enabled and reading.watchdog == axis.watchdog_units:
         axis.latch(TORQUE_OFF_FAULT)
     if not axis.watchdog_units or reading.watchdog in (None, axis.watchdog_units):
         return
@@ -95,23 +98,12 @@ def detect_reported(axis: Axis, reading: ServoReading) -> None:
         axis.state = TorqueState.IDLE
 
 
-def _detect_jump(axis: Axis, reading: ServoReading, time_s: float) -> None:
-    if not axis.turn.known or axis.seen is None:
-        return
-    jump_rad, elapsed_s = axis.to_rad(reading.position) - axis.seen, time_s - axis.time_s
-    if has_jumped(jump_rad, elapsed_s):
-        axis.latch_reset(
-            f"its position jumped by {math.degrees(jump_rad):+.0f} deg in {1e3 * elapsed_s:.0f} ms; {_JUMP}"
-        )
-
-
 def _detect_standstill(axis: Axis, value: float, velocity: float) -> None:
     following = axis.following
     if axis.goal is None:
         return
-    error = axis.goal - value
-    limit_ma = current_limit_ma(axis)
-    load = None if axis.effort is None or not limit_ma else abs(axis.effort) * 1e3 / limit_ma
+    error, greatest_ma = axis.goal - value, axis.greatest_ma
+    load = None if axis.effort is None or not greatest_ma else abs(axis.effort) * 1e3 / greatest_ma
     if not following.is_exceeded(error, velocity, load, axis.time_s):
         return
     current = "" if axis.effort is None else f" with {1e3 * abs(axis.effort):.0f} mA"

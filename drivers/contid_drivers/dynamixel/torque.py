@@ -13,7 +13,7 @@ from contid.errors import DeviceError, DeviceLostError
 from contid.hal import Rest
 from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.axis import Axis, TorqueState
+from contid_drivers.dynamixel.axis import REST_PENDING, Axis, TorqueState
 from contid_drivers.dynamixel.checks import identity
 from contid_drivers.dynamixel.client import ServoError
 from contid_drivers.dynamixel.link import BusLink, Opened
@@ -92,7 +92,7 @@ def _back_out(link: BusLink, opened: Opened, chosen: Sequence[Axis], started: Se
     if started:
         _relax(link, opened, started)
     held = [axis for axis in chosen if axis.watchdog_units and axis not in started]
-    _hold(opened, [axis for axis in held if not axis.state.pending])
+    _hold(opened, [axis for axis in held if axis.state not in REST_PENDING])
 
 
 def _relax(link: BusLink, opened: Opened, axes: Sequence[Axis]) -> None:

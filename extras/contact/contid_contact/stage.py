@@ -7,12 +7,11 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Final
 
-from contid.control.engine.chains import ArmsTogether
 from contid.control.engine.cycle import Sink, Timing
 from contid.control.engine.events.robots import ContactBegan, OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.robots import Order, Robots
-from contid.control.engine.stages import ReactsToContacts, Targets
+from contid.control.engine.stages import ArmsTogether, ReactsToContacts, Targets
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault

@@ -12,7 +12,7 @@ from contid_ropes.monitor import ChainMonitor
 
 
 class FileChains:
-    """See `contid.control.engine.chains.ChainGuards`."""
+    """See `contid.control.engine.stages.ChainGuards`."""
 
     def __init__(self, loaded: LoadedFile) -> None:
         robots = loaded.file.robots.items()

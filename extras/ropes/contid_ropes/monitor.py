@@ -23,13 +23,12 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from contid.control.engine.chains import ArmsTogether
 from contid.control.engine.cycle import Sink, Timing
 from contid.control.engine.events.robots import OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.messages import RobotNames
 from contid.control.engine.robots import Robots, Stopping
-from contid.control.engine.stages import Targets
+from contid.control.engine.stages import ArmsTogether, Targets
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault

@@ -14,8 +14,7 @@ from typing import TextIO
 import numpy as np
 import pytest
 
-from contid.control.daemon.cancellable_reader import CancellableReader
-from contid.control.daemon.inputs import Stream, read_file, read_stdin
+from contid.control.daemon.inputs import CancellableReader, Stream, read_file, read_stdin
 from contid.control.daemon.run import run
 from contid.control.daemon.run_request import RunRequest
 from contid.errors import BadInputError, ContidError

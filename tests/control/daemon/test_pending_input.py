@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from contid.control.daemon.cancellable_reader import CancellableReader, InputCancelledError
+from contid.control.daemon.inputs import CancellableReader, InputCancelledError
 from contid.control.daemon.pending_input import PendingInput
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import MarkReached, OrderRefused

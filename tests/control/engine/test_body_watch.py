@@ -20,11 +20,11 @@ from contid.control.engine.tick_costs import TickCosts
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.watch.arrivals import Arrivals
 from contid.control.engine.watch.settling import AxisPlace, Settling, has_arrived
+from contid.control.engine.watch.tip_watch import TipPath
 from contid.control.engine.watch.watched_body import WatchedBody
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.faults import Fault
 from contid.control.tick.follow.expected_range import AxisResponse, ExpectedRange
-from contid.control.tick.follow.tip_path import TipPath
 from contid.control.tick.supervisor import Mode
 from contid.hal import Sample
 from contid.robot_file.load import LoadedFile, find_robot_file, load_robot_file, parse_robot_file

@@ -70,7 +70,7 @@ class ProducerClock:
         """The longest that the rows of this clock allow: arrivals vary by ticks and by lateness."""
         return self.period_s + (self._tick_s + self.late_s) / max(self._rows - 1, 1)
 
-    def arrived(self, now_s: float, rows: int, used: int, stood: bool) -> Lesson:
+    def learn(self, now_s: float, rows: int, used: int, stood: bool) -> Lesson:
         """A row arrived.
 
         Args:
@@ -80,25 +80,23 @@ class ProducerClock:
             stood: the curve had come to rest.
         """
         gap_s = now_s - self._arrived_s
-        lesson = self._lesson(gap_s, now_s, rows, used, stood)
+        if self._rows == 0 or gap_s > SPARSE_S:
+            self._bursts = 0
+            lesson = self._begin(now_s, 0.0, used)
+        elif stood:
+            lesson = self._begin(now_s, self.period_s, used)
+        elif self.period_s and self._changed(gap_s, now_s):
+            self.late_s = 0.0
+            lesson = self._begin(now_s, gap_s, used)
+        elif not self.period_s and self._burst(gap_s):
+            # Rows that had waited, as for the run to begin, arrived at once.
+            self._bursts += 1
+            lesson = self._begin(now_s, 0.0, used)
+        else:
+            lesson = self._fit(now_s, gap_s, rows, used)
         self._arrived_s = now_s
         self._gaps_s = (self._gaps_s[1], gap_s)
         return lesson
-
-    def _lesson(self, gap_s: float, now_s: float, rows: int, used: int, stood: bool) -> Lesson:
-        if self._rows == 0 or gap_s > SPARSE_S:
-            self._bursts = 0
-            return self._begin(now_s, 0.0, used)
-        if stood:
-            return self._begin(now_s, self.period_s, used)
-        if self.period_s and self._changed(gap_s, now_s):
-            self.late_s = 0.0
-            return self._begin(now_s, gap_s, used)
-        if not self.period_s and self._burst(gap_s):
-            # Rows that had waited, as for the run to begin, arrived at once.
-            self._bursts += 1
-            return self._begin(now_s, 0.0, used)
-        return self._learn(now_s, gap_s, rows, used)
 
     def _begin(self, now_s: float, period_s: float, used: int) -> Lesson:
         """Begin to learn anew with the row that arrived, from a period that it may have; 0 for none."""
@@ -125,7 +123,7 @@ class ProducerClock:
         other = min(abs(each - self.period_s) for each in gaps_s) > 0.25 * self.period_s + 0.5 * self._tick_s
         return other and max(gaps_s) - min(gaps_s) <= self._tick_s * (1.0 + 1e-6)
 
-    def _learn(self, now_s: float, gap_s: float, rows: int, used: int) -> Lesson:
+    def _fit(self, now_s: float, gap_s: float, rows: int, used: int) -> Lesson:
         """Take the row into the fit."""
         learnt, period_s = self.period_s > 0.0, self.period_s or self._fitted_s
         self.newest += rows

@@ -3,10 +3,12 @@
 * When a row was meant is learnt from when rows arrived (`producer_clock`).
 * It is due `LAG` periods and the greatest lateness of the last seconds after that, when the rows that the
   curve needs beside it have arrived.
-* Which row is played, the phase, follows what is due smoothly (`row_phase`). Another clock shows as a step: a
-  period that is more than `FASTEST` times the one before lowers the rate of the phase at once, before rows
-  that have not come are played, and rows far from what is played are played from there. The limits of the
-  axes then hold by `contid.control.tick.jerk_guard`.
+* Which row is played, the phase, follows what is due with a third-order filter, so that what a clock learns
+  shows as no step of its velocity or acceleration. Another clock shows as a step: a period that is more than
+  `FASTEST` times the one before lowers the rate of the phase at once, before rows that have not come are
+  played, and rows far from what is played are played from there. The limits of the axes then hold by
+  `contid.control.tick.jerk_guard`.
+* Where rows stop, the phase comes to rest on the newest one by a jerk-limited motion.
 """
 
 from __future__ import annotations
@@ -15,60 +17,43 @@ import math
 from typing import Final
 
 from contid.control.engine.live.producer_clock import SPARSE_S, Lesson, ProducerClock
-from contid.control.engine.live.row_phase import RowPhase
 from contid.control.tick.config import MOTION_RULES
+from contid.trajectory.pursuit import AxisRates, MovingAxes, pursued
 
 #: How many periods a row is played after it was meant: the curve needs two rows more.
 LAG: Final = 2.0
 #: What a row may be late besides, as a part of a tick.
 MARGIN: Final = 0.1
-#: Greatest error of the phase that its filter takes up [rows, s].
+#: Rate of the filter of the phase [1/s], and the greatest error that it takes up [rows, s].
+FOLLOW_PER_S: Final = 8.0
 GREATEST_ERROR: Final = 4.0
 GREATEST_S: Final = 0.05
 #: Greatest rate of the phase with a new period, in rows per period.
 FASTEST: Final = 3.0
+#: A phase is on a row, and at rest, within this part of it.
+_THERE: Final = 1e-9
 
 
-class RowClock:
-    """The clock that the rows of a stream are played by."""
+class RowClock(ProducerClock):
+    """The clock of a producer, and the phase that its rows are played by.
+
+    Attributes:
+        phase: which row is played, between two rows a fraction.
+        rate_per_s: rows played per second.
+        stop: the motion of the phase to rest; None while rows are played, and once it stands.
+        stands: the phase came to rest on a row.
+    """
 
     def __init__(self, tick_s: float, rules: int = MOTION_RULES) -> None:
         """``tick_s``: period of the ticks, at which rows arrive; ``rules``: of motion."""
+        super().__init__(tick_s, rules)
+        self.phase, self.rate_per_s, self._acceleration = -LAG, 0.0, 0.0
+        self.stop: MovingAxes | None = None
+        self.stands = False
         self._plays_longest = rules > 5
-        self._tick_s = tick_s
         self._margin_s = MARGIN * tick_s
-        self._producer = ProducerClock(tick_s, rules)
-        self._phase = RowPhase(-LAG, tick_s)
-
-    @property
-    def newest(self) -> int:
-        """Number of the newest row."""
-        return self._producer.newest
-
-    @property
-    def period_s(self) -> float:
-        """Learnt period, 0 while it is not known."""
-        return self._producer.period_s
-
-    @property
-    def late_s(self) -> float:
-        """Greatest lateness of the last seconds."""
-        return self._producer.late_s
-
-    @property
-    def phase(self) -> float:
-        """Which row is played, between two rows a fraction."""
-        return self._phase.position
-
-    @property
-    def rate_per_s(self) -> float:
-        """Rows played per second."""
-        return self._phase.rate
-
-    @property
-    def stopping(self) -> bool:
-        """True on the way of the phase to rest."""
-        return self._phase.stopping
+        #: Rows per second that come at least, by the rows so far; by rules before 6 those of the fit.
+        self._least_per_s = 0.0
 
     @property
     def delay_s(self) -> float:
@@ -77,7 +62,7 @@ class RowClock:
 
     def expected(self, now_s: float) -> float:
         """By how many rows a row that arrives now comes after the newest."""
-        return (now_s - self._producer.meant_s) / self.period_s if self.period_s else 1.0
+        return (now_s - self.meant_s) / self.period_s if self.period_s else 1.0
 
     def missing(self) -> float:
         """How many rows after the newest the curve needs now."""
@@ -90,35 +75,42 @@ class RowClock:
             now_s: when.
             rows: how many rows after the newest, at least 1; more after rows that were lost.
         """
-        phase, late_s = self._phase, self.late_s
-        lesson = self._producer.arrived(now_s, rows, int(phase.position) + 2, phase.stands)
-        phase.go_on()
+        late_s = self.late_s
+        lesson = self.learn(now_s, rows, int(self.phase) + 2, self.stands)
+        self.stop, self.stands = None, False
+        if not self.period_s:
+            return
+        self._least_per_s = 1.0 / (self.longest_period_s if self._plays_longest else self.period_s)
         if lesson is Lesson.PERIOD and self._plays_longest:  # it is played a tick on in this tick
-            phase.start(self._due(now_s - self._tick_s, self.late_s), self._least_rate)
+            self._start(self._due(now_s - self._tick_s, self.late_s), self._least_per_s)
         elif lesson is Lesson.PERIOD:
-            phase.start(self._due(now_s, late_s), self._least_rate)
-        elif lesson is Lesson.ANEW and self.period_s:
-            phase.slow_down(FASTEST / self.period_s)
+            self._start(self._due(now_s, late_s), self._least_per_s)
+        elif lesson is Lesson.ANEW and self.rate_per_s > FASTEST / self.period_s:
+            self.rate_per_s, self._acceleration = FASTEST / self.period_s, 0.0
 
     def play(self, now_s: float) -> float:
         """The phase at a tick."""
-        phase, period_s = self._phase, self.period_s
-        if not period_s or phase.stands:
-            return phase.position
-        error = self._due(now_s, self.late_s) - phase.position
+        period_s = self.period_s
+        if not period_s or self.stands:
+            return self.phase
+        error = self._due(now_s, self.late_s) - self.phase
         if abs(error) > GREATEST_ERROR + SPARSE_S / period_s:  # it follows another clock
-            phase.start(phase.position + error, self._least_rate)
-        else:
-            # A row or more behind there are rows enough; else it goes on as slowly as those so far allow.
-            rate = 1.0 / period_s if error > 1.0 else self._least_rate
-            most = max(GREATEST_ERROR, GREATEST_S / period_s)
-            phase.follow(min(max(error, -most), most), rate)
-        return phase.position
+            self._start(self.phase + error, self._least_per_s)
+            return self.phase
+        # A row or more behind there are rows enough; else it goes on as slowly as those so far allow.
+        rate = 1.0 / period_s if error > 1.0 else self._least_per_s
+        most = max(GREATEST_ERROR, GREATEST_S / period_s)
+        error, w = min(max(error, -most), most), FOLLOW_PER_S
+        jerk = w * (w * (w * error + 3.0 * (rate - self.rate_per_s)) - 3.0 * self._acceleration)
+        self._acceleration += jerk * self._tick_s
+        self.rate_per_s += self._acceleration * self._tick_s
+        self.phase += self.rate_per_s * self._tick_s
+        return self.phase
 
-    def stop(self, acceleration: float, jerk: float, forward: bool = False) -> bool:
-        """One tick of the way of the phase to rest on the newest row; True when it is there.
+    def come_to_rest(self, acceleration: float, jerk: float, forward: bool = False) -> bool:
+        """One tick of the motion of the phase to rest on the newest row; True when it is there.
 
-        A clock without a period has no such way: its rows are targets of their own.
+        A clock without a period has no such motion: its rows are targets of their own.
 
         Args:
             acceleration: greatest one of the phase [1/s^2].
@@ -126,14 +118,35 @@ class RowClock:
             forward: from rest where the phase ran backwards, after a change of the period, and within
                 ``acceleration``.
         """
-        return self._phase.stop(float(self.newest), 1.0 / self.period_s, acceleration, jerk, forward)
+        row, rate = float(self.newest), 1.0 / self.period_s
+        now = self.stop or self._begin_of_stop(acceleration, forward)
+        top = 2.0 * max(abs(now.velocity[0]), rate)
+        after = pursued(now, (row,), (0.0,), AxisRates((top,), (acceleration,), (jerk,)), self._tick_s)
+        if after is None or (abs(after.position[0] - row) < _THERE and abs(after.velocity[0]) < _THERE * top):
+            self._start(row, rate)
+            self.stop, self.stands = None, True
+            return True
+        (self.phase,), (self.rate_per_s,), (self._acceleration,) = (
+            after.position,
+            after.velocity,
+            after.acceleration,
+        )
+        self.stop = after
+        return False
 
-    @property
-    def _least_rate(self) -> float:
-        """Rows per second that come at least, by the rows so far; by rules before 6 those of the fit."""
-        return 1.0 / (self._producer.longest_period_s if self._plays_longest else self.period_s)
+    def _begin_of_stop(self, most: float, forward: bool) -> MovingAxes:
+        """Where it begins; ``forward``: not backwards, and within the acceleration ``most``."""
+        rate, acceleration = self.rate_per_s + 0.5 * self._acceleration * self._tick_s, self._acceleration
+        if forward:
+            acceleration = min(max(acceleration, -most), most) if rate > 0.0 else 0.0
+            rate = max(rate, 0.0)
+        return MovingAxes((self.phase,), (rate,), (acceleration,))
+
+    def _start(self, phase: float, rate_per_s: float) -> None:
+        """Go on from a phase at a rate, at once."""
+        self.phase, self.rate_per_s, self._acceleration = phase, rate_per_s, 0.0
 
     def _due(self, now_s: float, late_s: float) -> float:
         """Which row is to be played now, where rows come by so much too late."""
-        since_s = now_s - self._producer.meant_s - late_s - self._margin_s
+        since_s = now_s - self.meant_s - late_s - self._margin_s
         return self.newest + since_s / self.period_s - LAG

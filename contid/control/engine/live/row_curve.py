@@ -21,7 +21,6 @@ Melchiorri, "Trajectory Planning for Automatic Machines and Robots", Springer 20
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Final, NamedTuple, TypeAlias
 
 from contid.control.tick.config import MOTION_RULES
@@ -70,33 +69,25 @@ class _Return(NamedTuple):
         return self._replace(off=off)
 
 
-class RowCurve:
-    """Rows by number, and the curve through them.
+class RowCurve(dict[int, Vector]):
+    """Rows by number, with those that it needs before they come, and the curve through them.
 
     Attributes:
         newest: number of the newest row.
+        last: the newest row.
+        before: the row before the newest.
     """
 
     def __init__(self, number: int, row: Vector, rules: int = MOTION_RULES) -> None:
+        super().__init__({number: row})
         self.newest = number
+        self.last, self.before = row, row
         self._rules = rules
         self._period_s = 0.0
         self._returns: list[_Return] = []
-        self._rows: dict[int, Vector] = {number: row}
         self._came: dict[int, Vector] = {number: row}
         self._first = number
         self._oldest = row
-        self._last, self._before = row, row
-
-    @property
-    def last(self) -> Vector:
-        """The newest row."""
-        return self._last
-
-    @property
-    def before(self) -> Vector:
-        """The row before the newest."""
-        return self._before
 
     def add(self, number: int, row: Vector, period_s: float) -> None:
         """A new row; those between it and the newest are filled in on the straight line.
@@ -109,21 +100,21 @@ class RowCurve:
         gap, self._period_s = number - self.newest, period_s or self._period_s
         for k in range(1, gap):
             share = k / gap
-            between = tuple([a + share * (b - a) for a, b in zip(self._last, row, strict=True)])
+            between = tuple([a + share * (b - a) for a, b in zip(self.last, row, strict=True)])
             self._take(self.newest + k, between)
-            self._before = between
+            self.before = between
         if gap == 1:
-            self._before = self._last
+            self.before = self.last
         self._take(number, row)
-        self.newest, self._last = number, row
+        self.newest, self.last = number, row
 
     def _take(self, number: int, row: Vector) -> None:
         """A row comes; the one that was used in its place stays, and is left behind smoothly."""
         self._came[number] = row
-        used = self._rows.get(number)
+        used = self.get(number)
         self._returns = [each for each in self._returns if number - each.number < each.rows]
         if used is None:
-            self._rows[number] = _sum(row, self._off(number))
+            self[number] = _sum(row, self._off(number))
         elif self._rules > 3:
             off = tuple([a - b for a, b in zip(used, row, strict=True)])
             if self._rules < 6 or len(self._returns) == _MOST_RETURNS:
@@ -147,33 +138,37 @@ class RowCurve:
     def at(self, phase: float) -> Vector:
         """The curve at a phase; rows that it is made of are used."""
         i = math.floor(phase)
-        a, b, c, d = (self._row(i + k) for k in (-1, 0, 1, 2))
-        self._forget(i - 1 - _KEPT)
-        if a == b == c == d:
-            return d
-        return blended(phase - i, (a, b, c, d))
+        p, q, r, s = self[i - 1], self[i], self[i + 1], self[i + 2]
+        if self._first < i - 1 - _KEPT:
+            self._forget(i - 1 - _KEPT)
+        if p == q == r == s:
+            return s
+        # The spline at a share u of the way between the two middle ones of four rows.
+        u = phase - i
+        v, uu, uuu = 1.0 - u, u * u, u * u * u
+        w0, w1 = v * v * v / 6.0, (4.0 - 6.0 * uu + 3.0 * uuu) / 6.0
+        w2, w3 = (1.0 + 3.0 * u + 3.0 * uu - 3.0 * uuu) / 6.0, uuu / 6.0
+        return tuple([w0 * a + w1 * b + w2 * c + w3 * d for a, b, c, d in zip(p, q, r, s, strict=True)])
 
     def rests(self, phase: float) -> bool:
         """True where the curve stands on the newest row."""
-        i, last, row = math.floor(phase), self._last, self._row
-        return row(i - 1) == last and row(i) == last and row(i + 1) == last and row(i + 2) == last
+        i, last = math.floor(phase), self.last
+        return self[i - 1] == last and self[i] == last and self[i + 1] == last and self[i + 2] == last
 
-    def _row(self, number: int) -> Vector:
-        row = self._rows.get(number)
-        if row is not None:
-            return row
+    def __missing__(self, number: int) -> Vector:
+        """A row before the first, or one that is expected: it is used from now on."""
         if number < self._first:
             return self._oldest
-        row = self._rows[number] = self._expected(number - self.newest)
+        row = self[number] = self._expected(number - self.newest)
         return row
 
     def _expected(self, on: int) -> Vector:
         """The row that comes ``on`` rows after the newest, on the way from rows that were used."""
-        straight = tuple([b + on * (b - a) for a, b in zip(self._before, self._last, strict=True)])
+        straight = tuple([b + on * (b - a) for a, b in zip(self.before, self.last, strict=True)])
         if self._rules < 4:
             return straight
         if on > _FARTHEST:
-            return self._row(self.newest + _FARTHEST)
+            return self[self.newest + _FARTHEST]
         over = max(_LEAST_BEND, round(BEND_S / self._period_s)) if self._period_s else _LEAST_BEND
         if self._rules > 5:  # rows before the first are none of the path
             over = min(over, (self.newest - self._first) // 2)
@@ -185,7 +180,7 @@ class RowCurve:
         share = 0.5 * on * (on + 1)
         bend = [share * agreed(near, far) for near, far in zip(self._bend(1), self._bend(over), strict=True)]
         size = math.hypot(*bend)
-        most = _MOST_BEND * on * math.dist(self._before, self._last)
+        most = _MOST_BEND * on * math.dist(self.before, self.last)
         bent = min(1.0, most / size) if size > 0.0 else 0.0
         return tuple([a + bent * b for a, b in zip(straight, bend, strict=True)])
 
@@ -197,7 +192,7 @@ class RowCurve:
     def _forget(self, before: int) -> None:
         """Rows that the curve has left behind."""
         while self._first < before:
-            row = self._rows.pop(self._first, None)
+            row = self.pop(self._first, None)
             self._came.pop(self._first, None)
             if row is not None:
                 self._oldest = row
@@ -212,11 +207,3 @@ def _sum(row: Vector, off: Vector | None) -> Vector:
 def agreed(near: float, far: float) -> float:
     """The smaller of two second differences that have one sign, else 0: a corner is no bend."""
     return 0.0 if near * far <= 0.0 else min(near, far) if near > 0.0 else max(near, far)
-
-
-def blended(u: float, rows: Sequence[Vector]) -> Vector:
-    """The spline at a share ``u`` of the way between the two middle ones of four rows."""
-    v, uu, uuu = 1.0 - u, u * u, u * u * u
-    w0, w1 = v * v * v / 6.0, (4.0 - 6.0 * uu + 3.0 * uuu) / 6.0
-    w2, w3 = (1.0 + 3.0 * u + 3.0 * uu - 3.0 * uuu) / 6.0, uuu / 6.0
-    return tuple([w0 * a + w1 * b + w2 * c + w3 * d for a, b, c, d in zip(*rows, strict=True)])

@@ -13,7 +13,7 @@ from typing import Final
 
 from contid.control.engine.live.row_clock import RowClock
 from contid.control.engine.live.row_curve import RowCurve, Vector
-from contid.control.engine.live.target_vector import kind_of, target_of, vector_of
+from contid.control.engine.live.target_vector import Kind, kind_of, target_of, vector_of
 from contid.control.engine.live.tip_line import TipLine, tip_line
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import WITHOUT_MODEL
@@ -48,7 +48,9 @@ class TargetFollower:
         self._config = config
         self._clock = RowClock(config.period_s, config.motion_rules)
         self._curve: RowCurve | None = None
-        self._row: Target | None = None
+        #: The newest row; a robot without one holds.
+        self.row: Target | None = None
+        self._kind: Kind = ()
         self._given: Target | None = None
         self._line: TipLine | None = None
         self._line_s = 0.0
@@ -62,23 +64,19 @@ class TargetFollower:
         return self._clock.delay_s
 
     @property
-    def follows(self) -> bool:
-        """True with a target."""
-        return self._row is not None
-
-    @property
     def resting(self) -> bool:
         """True where the newest row is the target itself."""
         return self._line is None and (self._curve is None or self._curve.rests(self._clock.phase))
 
     def put(self, row: Target | None, now_s: float, state: RobotState) -> None:
         """A row arrived; None holds the robot."""
-        before, self._row = self._row, row
+        self.row = row
         if row is None:
             self._curve = self._line = None
             return
         clock, curve, vector = self._clock, self._curve, vector_of(row)
-        if curve is None or before is None or kind_of(before) != kind_of(row):
+        before, self._kind = self._kind, kind_of(row)
+        if curve is None or before != self._kind:
             clock.arrived(now_s)
             self._jump(vector, now_s, state)
             return
@@ -99,23 +97,21 @@ class TargetFollower:
 
     def target(self, now_s: float, state: RobotState) -> Target | None:
         """The target of a tick."""
-        curve, row = self._curve, self._row
-        if row is None or curve is None:
+        row = self.row
+        if row is None or self._curve is None:
             self._given = None
             return row
-        phase = self._phase(curve, now_s, state)
-        curve = self._curve or curve
+        phase = self._phase(self._curve, now_s, state)
+        curve = self._curve  # another one where it came to rest
+        rests = curve.rests(phase)
         if self._line is not None:
             since_s = now_s - self._line_s
             follows = state.mode is Mode.RUN and state.follow
-            if curve.rests(phase) and follows and since_s < self._line.duration_s:
+            if rests and follows and since_s < self._line.duration_s:
                 self._given = self._line.at(since_s)
                 return self._given
             self._line = None
-        if curve.rests(phase):
-            self._given = row
-        else:
-            self._given = target_of(curve.at(phase), row)
+        self._given = row if rests else target_of(curve.at(phase), row)
         return self._given
 
     def _phase(self, curve: RowCurve, now_s: float, state: RobotState) -> float:
@@ -123,14 +119,14 @@ class TargetFollower:
         clock = self._clock
         if not clock.period_s or curve.rests(clock.phase):
             return clock.play(now_s)
-        if not clock.stopping:
+        if clock.stop is None:
             most = EXPECTED_S / clock.period_s
             if self._config.motion_rules > 3:  # a period that is learnt too short leads no farther
                 most = min(most, EXPECTED_ROWS)
             if not self._ended and clock.missing() <= max(1.0, most):
                 return clock.play(now_s)
             self._rates = self._phase_rates(state)
-        if clock.stop(*self._rates, forward=self._config.motion_rules > 1):
+        if clock.come_to_rest(*self._rates, forward=self._config.motion_rules > 1):
             off = max(abs(a - b) for a, b in zip(curve.at(clock.phase), curve.last, strict=True))
             if off > _SAME:
                 self._jump(curve.last, now_s, state)
@@ -154,7 +150,7 @@ class TargetFollower:
         """The row is the target at once; from rest by a straight line."""
         self._curve = RowCurve(self._clock.newest, vector, self._config.motion_rules)
         self._jumped = True
-        start, row, self._line = self._given, self._row, None
+        start, row, self._line = self._given, self.row, None
         rests = state.command == state.reference and not any(state.increments)
         if start is None or row is None or not (rests and state.follow and state.mode is Mode.RUN):
             return

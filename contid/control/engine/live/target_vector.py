@@ -7,7 +7,6 @@ not to the curve; they are left out.
 from __future__ import annotations
 
 import math
-from itertools import islice
 from typing import TypeAlias
 
 from contid.control.engine.live.row_curve import Vector
@@ -46,19 +45,22 @@ def vector_of(target: Target) -> Vector:
 
 def target_of(vector: Vector, like: Target) -> Target:
     """The target with these coordinates, of the kind of another one."""
-    parts = iter(vector)
-
-    def take(count: int) -> Vector:
-        return tuple(islice(parts, count))
-
-    tip_m = None if like.tip_m is None else vec3(take(3))
-    direction = None if like.direction is None else unit_vector(vec3(take(3))) or like.direction
-    rotation = None if like.rotation is None else _frame(take(9)) or like.rotation
-    mid_m = None if like.mid_m is None else vec3(take(3))
-    actuation = None if like.actuation is None else take(len(like.actuation))
-    arcs = None if like.arcs is None else take(len(like.arcs))
-    load_n = vec3(take(3))
-    extra = dict(zip(like.extra, parts, strict=True)) if like.extra else like.extra
+    at = 0
+    tip_m = direction = rotation = mid_m = actuation = arcs = None
+    if like.tip_m is not None:
+        tip_m, at = (vector[0], vector[1], vector[2]), 3
+    if like.direction is not None:
+        direction, at = unit_vector(vec3(vector[at : at + 3])) or like.direction, at + 3
+    if like.rotation is not None:
+        rotation, at = _frame(vector[at : at + 9]) or like.rotation, at + 9
+    if like.mid_m is not None:
+        mid_m, at = vec3(vector[at : at + 3]), at + 3
+    if like.actuation is not None:
+        actuation, at = vector[at : at + len(like.actuation)], at + len(like.actuation)
+    if like.arcs is not None:
+        arcs, at = vector[at : at + len(like.arcs)], at + len(like.arcs)
+    load_n = (vector[at], vector[at + 1], vector[at + 2])
+    extra = dict(zip(like.extra, vector[at + 3 :], strict=True)) if like.extra else like.extra
     return Target(tip_m, direction, mid_m, actuation, load_n, extra, rotation=rotation, arcs=arcs)
 
 

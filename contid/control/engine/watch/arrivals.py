@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from contid.control.engine.cycle import Sink, Timing
+from contid.control.engine.cycle import Sink
 from contid.control.engine.events.robots import GotoEnded
 from contid.control.engine.robots import Robots
-from contid.control.engine.stages import Targets, TickStage
+from contid.control.engine.stages import TickStage
 from contid.control.engine.watch.body_watch import BodyWatch
 from contid.control.engine.watch.settling import has_arrived
 from contid.control.tick.supervisor import Mode
@@ -21,7 +21,6 @@ class Arrivals(TickStage):
         self._robots = robots
         self._body_watch = body_watch
         self._sink = sink
-        self._tick = 0
         #: By index of the robot, until when it may arrive; None until the first look.
         self._waiting: dict[int, float | None] = {}
 
@@ -34,11 +33,6 @@ class Arrivals(TickStage):
         if index in self._waiting:
             self._end(index, number, self._arrived(index))
 
-    def before(self, targets: Targets, timing: Timing, now_s: float) -> Targets:
-        """See `TickStage.before`: keeps the number of the tick."""
-        self._tick = timing.tick
-        return targets
-
     def settle(self, now_s: float) -> None:
         """See `TickStage.settle`: ends the gotos whose robots arrived, left, or had their time."""
         for index, until_s in list(self._waiting.items()):
@@ -46,7 +40,7 @@ class Arrivals(TickStage):
             until_s = self._waiting[index] = until_s or now_s + self._body_watch.settlings[index].settle_s
             arrived = self._arrived(index)
             if arrived or now_s >= until_s or state.mode is not Mode.HOLD or state.goto is not None:
-                self._end(index, self._tick, arrived)
+                self._end(index, self._robots.tick, arrived)
 
     def _arrived(self, index: int) -> bool:
         places = self._body_watch.places(index)

@@ -8,8 +8,11 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import ContextVar, copy_context
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
+from contid.control.engine.measured_tip import MeasuredTips
+from contid.control.engine.tick_layout import TickRecord
+from contid.control.engine.wiring import build_robot_configs, record_layout
 from contid.kinematics.isolated_robot import IsolatedRobot
 from contid.robot_file.load import LoadedFile
 
@@ -95,3 +98,30 @@ class ModelThreads:
         except asyncio.CancelledError:
             given_up.set()
             raise
+
+
+class MeasuredTipsBeside:
+    """`MeasuredTips` of a run; a robot whose model answers slowly gets fewer samples, the others do not."""
+
+    def __init__(self, loaded: LoadedFile, rate_hz: float, threads: ModelThreads) -> None:
+        configs, layout = build_robot_configs(loaded, rate_hz), record_layout(loaded, rate_hz)
+        names = [config.name for config in configs]
+        isolated = threads.isolated(names)
+        self._threads = threads
+        self._at_once = MeasuredTips(configs, layout, [name for name in names if name not in isolated])
+        self._beside = {name: MeasuredTips(configs, layout, (name,)) for name in isolated}
+        self._asking: dict[str, asyncio.Task[None]] = {}
+
+    def add(self, record: TickRecord | None) -> None:
+        """Take a record; robots whose model has not answered for an earlier one leave it out."""
+        self._at_once.add(record)
+        for name, tips in self._beside.items():
+            if name not in self._asking or self._asking[name].done():
+                self._asking[name] = asyncio.create_task(self._threads.call((name,), tips.add, record))
+
+    def complete(self, robots: dict[str, dict[str, Any]]) -> None:
+        """See `MeasuredTips.complete`; models are not asked any more."""
+        for task in self._asking.values():
+            task.cancel()
+        for tips in (self._at_once, *self._beside.values()):
+            tips.complete(robots)

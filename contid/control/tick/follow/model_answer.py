@@ -62,6 +62,6 @@ def _checked(config: RobotConfig, answer: Solution) -> Solution:
     numbers = (*answer.actuation, answer.residual_m, answer.iterations)
     if not are_numbers(numbers):
         raise TypeError(f"the model answered {answer}, and not all of it are numbers")
-    if not all(isinstance(name, str) for name in answer.limited_by):
+    if answer.limited_by and not all(isinstance(name, str) for name in answer.limited_by):
         raise TypeError(f"the model answered limited_by={answer.limited_by!r}, and not all of it are names")
     return answer

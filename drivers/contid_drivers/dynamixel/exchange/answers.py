@@ -131,7 +131,8 @@ class ServoAnswers:
             if not data:
                 break
         self.counts.late += answer.late
-        self._count_missing(answer.missing, answer.started)
+        if answer.missing:
+            self._count_missing(answer.missing, answer.started)
 
     def _stalled(self, deadline: float, slack_s: float) -> float:
         self.counts.stalls += 1

@@ -64,21 +64,6 @@ class CyclicLayout:
     full: int
     indirect: bool = False
 
-    def decode(self, data: bytes, alert: bool) -> ServoReading:
-        """Decode a block read with this layout."""
-        if self.indirect:
-            watchdog, current, velocity, position, low = _LEAN.unpack_from(data)
-            if len(data) == self.lean:
-                return ServoReading(current, velocity, position, alert, watchdog, low)
-            error, torque, temperature = data[12:15]
-            return ServoReading(
-                current, velocity, position, alert, watchdog, low, low, error, bool(torque), temperature
-            )
-        watchdog, tick, current, velocity, position, voltage, temperature = _PLAIN.unpack(data)
-        return ServoReading(
-            current, velocity, position, alert, watchdog, None, voltage, temperature=temperature, tick=tick
-        )
-
 
 _LEAN: Final = struct.Struct("<BhiiB")
 _PLAIN: Final = struct.Struct("<B21xH4xhii8xHB")
@@ -107,9 +92,27 @@ class Block:
 
     def decode(self, data: bytes, alert: bool) -> ServoReading:
         """Decode an answer of this length."""
-        layout = self.layout
-        used = layout.full if self.size - self.skip >= layout.full else layout.lean
-        return layout.decode(data[self.skip : self.skip + used], alert)
+        skip, layout = self.skip, self.layout
+        if not layout.indirect:
+            watchdog, tick, current, velocity, position, voltage, temperature = _PLAIN.unpack_from(data, skip)
+            return ServoReading(
+                current,
+                velocity,
+                position,
+                alert,
+                watchdog,
+                None,
+                voltage,
+                temperature=temperature,
+                tick=tick,
+            )
+        watchdog, current, velocity, position, low = _LEAN.unpack_from(data, skip)
+        if self.size - skip < layout.full:
+            return ServoReading(current, velocity, position, alert, watchdog, low)
+        error, torque, temperature = data[skip + 12 : skip + 15]
+        return ServoReading(
+            current, velocity, position, alert, watchdog, low, low, error, bool(torque), temperature
+        )
 
 
 def numbered_blocks(layout: CyclicLayout) -> list[Block]:

@@ -61,7 +61,8 @@ class Cyclic:
         self.received_before = True
         #: Silent servos that answered the newest exchange; only a numbered one proves it.
         self.returned: frozenset[int] = frozenset()
-        self._silent: frozenset[int] = frozenset()
+        #: Servos that did not answer, which are asked last.
+        self.silent: frozenset[int] = frozenset()
         self._usual = {
             full: Block(layout, layout.address, layout.full if full else layout.lean)
             for full in (False, True)
@@ -89,21 +90,16 @@ class Cyclic:
             return bytes_ * self.port.byte_s + self.port.return_delay_s
         return count * (self.port.status_s(size) + self.port.return_delay_s)
 
-    @property
-    def disturbed(self) -> bool:
-        """Servos are silent, or an answer was late."""
-        return bool(self._silent or self.answers.counts.late)
-
     def put_last(self, silent: Collection[int]) -> None:
         """Move silent ids to the end of the order: each one delays, or ends, the answers after it.
 
         Of several, another one is asked first in every exchange: those behind a dead one may be alive.
         """
         now = frozenset(silent)
-        if self._silent != now or len(now) > 1:
+        if self.silent != now or len(now) > 1:
             last = [device for device in self.ids if device in now]
             self.ids = (*(device for device in self.ids if device not in now), *last[1:], *last[:1])
-            self._silent = now
+            self.silent = now
             self._reads.clear()
 
     def _read(self, block: Block, fast: bool) -> bytes:
@@ -153,7 +149,7 @@ class Cyclic:
         on_wire_s = self._answers_s(block.size, fast)
         # An answer of the usual length from a servo that was silent may be a late one: the next exchange
         # reads a block of another length from it.
-        unproven = self._silent if block is self._usual[full] else frozenset()
+        unproven = self.silent if block is self._usual[full] else frozenset()
         found: dict[int, ServoReading] = {}
         returned: list[int] = []
 
@@ -169,12 +165,12 @@ class Cyclic:
         take_answers(self.ids, block, sent + on_wire_s + self.port.latency_s, slack_s, take_answer)
         self.returned = frozenset(returned)
         if returned:
-            self._silent -= self.returned
+            self.silent -= self.returned
             self._reads.clear()
         complete = len(found) == len(self.ids)
         if complete:
             self.slack.record(time.monotonic() - sent - on_wire_s)
-        as_expected = complete or (found and self._silent.issuperset(set(self.ids) - found.keys()))
+        as_expected = complete or (found and self.silent.issuperset(set(self.ids) - found.keys()))
         orderly = as_expected and not stale and late == counts.late
         self._orderly = self._orderly + 1 if orderly else 0
         return found

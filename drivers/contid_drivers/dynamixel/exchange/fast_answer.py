@@ -6,7 +6,7 @@ length is fixed in advance, so it has no stuffing. Source: e-manual, Protocol 2.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from contid_drivers.dynamixel.packets import BROADCAST, HEADER, Instruction, crc16
@@ -35,32 +35,36 @@ class FastAnswer:
     """
 
     def __init__(self, ids: Sequence[int], size: int) -> None:
-        self._left = list(reversed(ids))
+        self._ids = ids
+        #: Servos whose part has not arrived intact.
+        self.missing = len(ids)
         self._step = size + PART_OVERHEAD
-        self._whole = HEAD + self._step * len(self._left)
+        self._whole = HEAD + self._step * len(ids)
         self._stream = bytearray()
-        self._start = self._at = self._crc = 0
+        self._start = self._at = 0
+        self._checked = self._crc = 0  # the CRC of the bytes up to the CRC of the newest part
         self._damaged = False
         #: Answers to other fast reads that came before this one.
         self.late = 0
 
-    def feed(self, data: bytes) -> Iterator[Part]:
+    def feed(self, data: bytes) -> list[Part]:
         """Parts that ``data`` completes, up to the first damaged one."""
-        stream, step = self._stream, self._step
+        stream, step, parts = self._stream, self._step, list[Part]()
         stream += data
         if not self._at and not self._begun():
-            return
+            return parts
         # A part that follows a damaged one cannot be checked, because its CRC includes the damage.
-        while self._left and not self._damaged and len(stream) >= self._at + step:
+        while self.missing and not self._damaged and len(stream) >= self._at + step:
             at, end = self._at, self._at + step - 2
-            crc = crc16(stream[at:end], self._crc)
+            crc = crc16(stream[self._checked : end], self._crc)
             device = stream[at + 1]
-            if device != self._left[-1] or crc != stream[end] | stream[end + 1] << 8:
+            if device != self._ids[-self.missing] or crc != stream[end] | stream[end + 1] << 8:
                 self._damaged = True
-                return
-            self._crc, self._at = crc16(stream[end : end + 2], crc), at + step
-            self._left.pop()
-            yield Part(device, stream[at], bytes(stream[at + 2 : end]))
+                break
+            self._crc, self._checked, self._at = crc, end, at + step
+            self.missing -= 1
+            parts.append(Part(device, stream[at], bytes(stream[at + 2 : end])))
+        return parts
 
     def _begun(self) -> bool:
         """Find the head; skips instructions (an echo) and answers of other lengths, which are late ones."""
@@ -68,17 +72,12 @@ class FastAnswer:
         while 0 <= at <= len(stream) - HEAD:
             if stream[at + 7] == Instruction.STATUS:
                 if stream[at + 5] | stream[at + 6] << 8 == self._whole - 7:
-                    self._at, self._crc = at + HEAD, crc16(stream[at : at + HEAD])
+                    self._at, self._checked = at + HEAD, at
                     break
                 late += 1
             at = stream.find(_START, at + 1)
         self._start, self.late = at if at >= 0 else len(stream), late
         return self._at > 0
-
-    @property
-    def missing(self) -> int:
-        """Servos whose part has not arrived intact."""
-        return len(self._left)
 
     @property
     def started(self) -> bool:

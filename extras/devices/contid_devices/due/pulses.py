@@ -15,9 +15,9 @@ from contid_driverkit.clock import MonotonicClock
 from contid_driverkit.signals import defer_signals
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.codes import DUTY_FULL, TRACE_MS, Reason, Refusal
+from contid_drivers.due.identity import board
 from contid_drivers.due.messages import PulseTrace
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, SafeState
-from contid_drivers.due.proven import board
 from contid_drivers.due.session import BoardRefusedError
 from contid_drivers.due.wiring import axis_options
 

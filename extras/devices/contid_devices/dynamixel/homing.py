@@ -23,7 +23,7 @@ from contid_devices.dynamixel import search
 from contid_devices.dynamixel.tensioning import tension
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel import turns
-from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.axis import KNOWN_TURNS, Axis
 from contid_drivers.dynamixel.checks import identity
 from contid_drivers.dynamixel.client import ServoClient
 from contid_drivers.dynamixel.link import handshake
@@ -104,7 +104,7 @@ def _by_stop(
     _move_back(client, axis, homing, stop)
     value = axis.to_rad(stop)
     report(f"{axis.name}: stop at {math.degrees(value):.2f} deg")
-    axis.reference.require_former(name, value, turns_lost=not axis.turn.known)
+    axis.reference.require_former(name, value, turns_lost=axis.turn not in KNOWN_TURNS)
     turns.store(client, axis, axis.turns)
     travelled = abs(first - start) / reg.TICKS_PER_DEG
     how = f"hard stop with {homing.current_ma} mA after {travelled:.0f} deg"

@@ -25,7 +25,7 @@ from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.checks import identity, left_over
-from contid_drivers.dynamixel.checks.proven import servo_device
+from contid_drivers.dynamixel.checks.identity import servo_device
 from contid_drivers.dynamixel.client import TRIES, NoAnswerError, ServoClient
 from contid_drivers.dynamixel.grip import read_own_limit
 from contid_drivers.dynamixel.link import handshake

@@ -19,7 +19,7 @@ from contid.hal import Homed, Report
 from contid_devices.dynamixel import search
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel import turns
-from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.axis import KNOWN_TURNS, Axis
 from contid_drivers.dynamixel.client import ServoClient
 from contid_drivers.dynamixel.options import DynamixelBusOptions, Tensioning
 
@@ -57,7 +57,7 @@ def tension(
         name, value = client.name(axis.device), axis.to_rad(found[axis.device])
         axis.reference.require_repetition(name, axis.to_rad(first[axis.device]), value)
         report(f"{axis.name}: taut at {math.degrees(value):.2f} deg")
-        axis.reference.require_former(name, value, turns_lost=not axis.turn.known)
+        axis.reference.require_former(name, value, turns_lost=axis.turn not in KNOWN_TURNS)
     homed = []
     for axis in axes:
         homing, value = _homing(axis), axis.to_rad(found[axis.device])
