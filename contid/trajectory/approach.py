@@ -101,6 +101,11 @@ class Approach:
             return MotionState(self._start, self._start_velocity)
         return MotionState(*self._motion.at_time(time_s))
 
+    def acceleration_at(self, time_s: float) -> Actuation:
+        """Acceleration of every axis ``time_s`` after the start, which is before the end."""
+        found: Actuation = self._motion.acceleration_at(time_s)
+        return found
+
 
 class _Cruise:
     """A motion from rest on a straight line, else one that may leave it; it begins without acceleration."""
@@ -128,6 +133,11 @@ class _Cruise:
             tuple([value * scale for value, scale in zip(position, self._scale, strict=True)]),
             tuple([value * scale for value, scale in zip(velocity, self._scale, strict=True)]),
         )
+
+    def acceleration_at(self, time_s: float) -> Actuation:
+        """Acceleration of every axis."""
+        found = zip(self._motion.acceleration_at(time_s), self._scale, strict=True)
+        return tuple([value * scale for value, scale in found])
 
 
 def _scaled(values: Sequence[float], scale: Sequence[float]) -> list[float]:

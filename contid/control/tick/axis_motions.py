@@ -11,6 +11,8 @@ from contid.control.tick.state import FULL_PACE, AxisMotion, RobotState
 from contid.control.tick.ways.joint_steps import within
 from contid.targets import Actuation, Target
 from contid.trajectory.approach import Approach
+from contid.trajectory.joint_stop import JointStop
+from contid.trajectory.pursuit import AxisRates, MovingAxes
 from contid.trajectory.standstill import JerkLimitedStop
 from contid.trajectory.straight_stop import StraightStop
 
@@ -27,7 +29,17 @@ def planned(state: RobotState, motion: AxisMotion | None, start_s: float) -> Rob
 
     The reference is that command: one that was limited lags behind what it followed before.
     """
-    return replace(state, motion=motion, motion_s=start_s, reference=state.command, squeeze=None)
+    return replace(state, motion=motion, motion_s=start_s, reference=state.command, squeeze=None, guard=None)
+
+
+def shares_limits(config: RobotConfig) -> bool:
+    """Whether axes share limits, which straight lines from standstill keep; False before motion rules 7."""
+    return config.motion_rules > 6 and config.shared is not None
+
+
+def moves(state: RobotState) -> bool:
+    """True for a robot that has a velocity or an acceleration."""
+    return any(state.increments) or any(state.before)
 
 
 class PresentRates(NamedTuple):
@@ -48,13 +60,27 @@ def rates(config: RobotConfig, state: RobotState) -> PresentRates:
     """Rates at the last command, of the parabola through the last three.
 
     A motion that begins with them keeps the jerk from its first tick on. Motion rules 0 have the mean
-    velocity of the last tick and no acceleration (`contid.control.tick.config.MOTION_RULES`).
+    velocity of the last tick and no acceleration (`contid.control.tick.config.MOTION_RULES`). Since 7 the
+    rates of a robot on its way to a live target are its own: it can stop from these, not always from those.
     """
+    exact = state.guard.motion if state.guard is not None and config.motion_rules > 6 else None
+    if exact is not None and exact.position == state.command:
+        return PresentRates(exact.velocity, exact.acceleration)
     h = config.period_s
     if config.motion_rules == 0 or not state.before:
         return PresentRates(tuple([step / h for step in state.increments]), (0.0,) * len(state.increments))
     changes = [step - was for step, was in zip(state.increments, state.before, strict=True)]
     return PresentRates.at_end(state.increments, changes, h)
+
+
+def _rates_of_motion(config: RobotConfig, state: RobotState, last_s: float) -> PresentRates:
+    """`rates`; those of a running approach are its own where its axes share limits."""
+    motion, since_s = state.motion, last_s - state.motion_s
+    if not (shares_limits(config) and isinstance(motion, Approach) and state.reference == state.command):
+        return rates(config, state)
+    if not 0.0 < since_s < motion.duration_s:
+        return rates(config, state)
+    return PresentRates(motion.at(since_s).velocity, motion.acceleration_at(since_s))
 
 
 def rates_along_path(config: RobotConfig, state: RobotState) -> PresentRates:
@@ -82,7 +108,7 @@ def motion_to(
     )
     return Approach(
         start, begin.velocity, goal, fastest, acceleration, jerk,
-        straight=config.straight, start_acceleration=begin.acceleration,
+        straight=config.straight or shares_limits(config), start_acceleration=begin.acceleration,
     )  # fmt: skip
 
 
@@ -115,18 +141,38 @@ def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     """The state with a jerk-limited stop from its present motion; none is needed at standstill.
 
     Live targets are followed so that the axes can stop inside the limits of the model, such as a bend radius.
-    Where the jerk-limited stop, which is longer, goes beyond them, it is the shortest one.
+    Where the jerk-limited stop, which is longer, goes beyond them, it is the shortest one. Since motion rules
+    7 the jerk-limited stops are those with which live targets were compared, and an approach that rests as
+    soon as its stop is not stopped: it ends inside.
     """
-    velocity, acceleration = rates(config, state)
+    velocity, acceleration = _rates_of_motion(config, state, now_s - config.period_s)
     if not any((*velocity, *acceleration)):
-        return replace(state, motion=None, reference=state.command, squeeze=None)
+        return replace(state, motion=None, reference=state.command, squeeze=None, guard=None)
+    last_s = now_s - config.period_s
+    if shares_limits(config):
+        begin = MovingAxes(state.command, velocity, acceleration)
+        limits = AxisRates(config.velocity, config.acceleration, config.jerk)
+        for straight in (True, False):
+            stop = JointStop(begin, limits, straight=straight)
+            if not _leaves(config, state.command, stop):
+                return planned(state, stop, last_s)
+        if _rests_within(state, stop.duration_s + config.period_s, last_s):
+            return replace(state, squeeze=None)
+        return braking_at_once(config, state, now_s)
     motion = JerkLimitedStop(state.command, velocity, config.acceleration, config.jerk, acceleration)
     if _leaves(config, state.command, motion):
         return braking_at_once(config, state, now_s)
-    return planned(state, motion, now_s - config.period_s)
+    return planned(state, motion, last_s)
 
 
-def _leaves(config: RobotConfig, command: Actuation, motion: JerkLimitedStop) -> bool:
+def _rests_within(state: RobotState, time_s: float, last_s: float) -> bool:
+    """True for an approach or a stop on its way as planned that is over within a time after the last tick."""
+    motion = state.motion
+    on_its_way = isinstance(motion, Approach | JointStop) and state.reference == state.command
+    return on_its_way and motion is not None and motion.duration_s - (last_s - state.motion_s) <= time_s
+
+
+def _leaves(config: RobotConfig, command: Actuation, motion: JerkLimitedStop | JointStop) -> bool:
     """True when a stop goes from inside the limits of the model beyond them."""
     if config.taut is not None:  # its limiter keeps the tensions
         return False

@@ -17,6 +17,7 @@ from contid.records import record
 from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Solution, Target, Vec3
 from contid.trajectory.approach import Approach
+from contid.trajectory.joint_stop import JointStop
 from contid.trajectory.pursuit import MovingAxes
 from contid.trajectory.standstill import JerkLimitedStop
 from contid.trajectory.straight_stop import StraightStop
@@ -28,7 +29,7 @@ PathPaces: TypeAlias = tuple[float, float, float]
 FULL_PACE: Final[PathPaces] = (1.0, 1.0, 1.0)
 
 #: A motion in actuator space.
-AxisMotion: TypeAlias = Approach | JerkLimitedStop | StraightStop
+AxisMotion: TypeAlias = Approach | JerkLimitedStop | JointStop | StraightStop
 
 
 class Effect(enum.Enum):
