@@ -10,7 +10,7 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.state import FULL_PACE, AxisMotion, RobotState
 from contid.control.tick.ways.joint_steps import within
 from contid.targets import Actuation, Target
-from contid.trajectory.approach import Approach
+from contid.trajectory.approach import Approach, ApproachAfterStop
 from contid.trajectory.joint_stop import JointStop
 from contid.trajectory.pursuit import AxisRates, MovingAxes
 from contid.trajectory.standstill import JerkLimitedStop
@@ -35,11 +35,6 @@ def planned(state: RobotState, motion: AxisMotion | None, start_s: float) -> Rob
 def shares_limits(config: RobotConfig) -> bool:
     """Whether axes share limits, which straight lines from standstill keep; False before motion rules 7."""
     return config.motion_rules > 6 and config.shared is not None
-
-
-def moves(state: RobotState) -> bool:
-    """True for a robot that has a velocity or an acceleration."""
-    return any(state.increments) or any(state.before)
 
 
 class PresentRates(NamedTuple):
@@ -112,6 +107,31 @@ def motion_to(
     )  # fmt: skip
 
 
+def approach_after_stop(
+    config: RobotConfig, state: RobotState, goal: Actuation, start_s: float
+) -> RobotState:
+    """The state with the stop that runs and, from its standstill, a straight line to a goal.
+
+    Axes that share limits do not go elsewhere from motion. The whole way is one motion: what is checked or
+    reported of a motion before it begins, such as its duration, is that of both parts.
+
+    Args:
+        config: of the robot.
+        state: it stands, or stops by its motion (`braking`).
+        goal: position of every axis at rest.
+        start_s: of the last command.
+    """
+    stop = state.motion
+    begin = state.command if stop is None else stop.at(stop.duration_s).position
+    still = (0.0,) * len(begin)
+    approach = motion_to(config, begin, PresentRates(still, still), goal)
+    if stop is None:
+        return planned(state, approach, start_s)
+    assert not isinstance(stop, ApproachAfterStop)
+    stop_s = max(stop.duration_s, start_s - state.motion_s)
+    return replace(state, motion=ApproachAfterStop(stop, stop_s, approach))
+
+
 def outside(config: RobotConfig, actuation: Actuation) -> str:
     """The axes that are outside their limits by more than `OUTSIDE_SHARE` of their travel; "" for none."""
     found = []
@@ -145,6 +165,8 @@ def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     7 the jerk-limited stops are those with which live targets were compared, and an approach that rests as
     soon as its stop is not stopped: it ends inside.
     """
+    if (running := _stop_that_runs(state)) is not None:
+        return replace(state, motion=running, squeeze=None)
     velocity, acceleration = _rates_of_motion(config, state, now_s - config.period_s)
     if not any((*velocity, *acceleration)):
         return replace(state, motion=None, reference=state.command, squeeze=None, guard=None)
@@ -166,10 +188,19 @@ def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
 
 
 def _rests_within(state: RobotState, time_s: float, last_s: float) -> bool:
-    """True for an approach or a stop on its way as planned that is over within a time after the last tick."""
-    motion = state.motion
-    on_its_way = isinstance(motion, Approach | JointStop) and state.reference == state.command
-    return on_its_way and motion is not None and motion.duration_s - (last_s - state.motion_s) <= time_s
+    """True for an approach on its way as planned that is over within a time after the last tick."""
+    if not isinstance(state.motion, Approach) or state.reference != state.command:
+        return False
+    return state.motion.duration_s - (last_s - state.motion_s) <= time_s
+
+
+def _stop_that_runs(state: RobotState) -> AxisMotion | None:
+    """The stop of axes that share limits which goes on as planned; None for none."""
+    if state.reference != state.command:
+        return None
+    if isinstance(state.motion, ApproachAfterStop):
+        return state.motion.stop
+    return state.motion if isinstance(state.motion, JointStop) else None
 
 
 def _leaves(config: RobotConfig, command: Actuation, motion: JerkLimitedStop | JointStop) -> bool:

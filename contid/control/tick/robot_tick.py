@@ -14,7 +14,7 @@ from dataclasses import replace
 from typing import Final
 
 from contid.control.tick.arming import approach, next_arming
-from contid.control.tick.axis_motions import braking, braking_at_once, inwards, moves, shares_limits
+from contid.control.tick.axis_motions import braking, braking_at_once, inwards
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault, of_device
 from contid.control.tick.follow.model_answer import answered
@@ -29,11 +29,11 @@ from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Event, Mode
 from contid.control.tick.taut import lifted
 from contid.control.tick.tip_feedback import Measurement, corrected, kept, observed
-from contid.control.tick.transitions import after_braking, apply_event, fail, stay
+from contid.control.tick.transitions import apply_event, end_stop, fail, stay
 from contid.hal import Sample
 from contid.records import record
 from contid.targets import ZERO3, Actuation, Solution, Target, Vec3
-from contid.trajectory.approach import Approach
+from contid.trajectory.approach import Approach, ApproachAfterStop
 
 _WATCHED: Final = frozenset(Mode) - {Mode.OFF, Mode.CONNECTING, Mode.FAULT}
 _DRIVEN: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING, Mode.FAULT})
@@ -120,7 +120,7 @@ def tick(
             next_target = state.goto if state.goto is not None else target if state.follow else None
             if next_target is not None and state.squeeze is not None:
                 state = _close(config, state, next_target, now_s)
-            elif next_target is not None and not (shares_limits(config) and moves(state)):
+            elif next_target is not None:
                 following = apply_event(config, state, Event.FOLLOW, now_s)
                 start_s = now_s - state.path_paces[0] * config.period_s
                 state = approach(config, following, next_target, now_s, start_s)
@@ -149,7 +149,8 @@ def _stands(config: RobotConfig, state: RobotState) -> bool:
     return (
         state.motion is None
         and state.reference == state.command
-        and not moves(state)
+        and not any(state.increments)
+        and not any(state.before)
         and not state.straight
         and config.play is None
         and config.capstan is None
@@ -251,6 +252,9 @@ def _move(config: RobotConfig, state: RobotState, now_s: float, load_n: Vec3 = Z
     """Follow the running motion or stand still; change the mode at its end."""
     reference = state.reference
     over = True
+    if isinstance(state.motion, ApproachAfterStop) and now_s - state.motion_s >= state.motion.stop_s:
+        begun_s = state.motion_s + state.motion.stop_s
+        state = replace(state, motion=state.motion.approach, motion_s=begun_s)
     if state.motion is not None:
         since_s = now_s - state.motion_s
         reference = state.motion.at(since_s)[0]
@@ -274,7 +278,7 @@ def _move(config: RobotConfig, state: RobotState, now_s: float, load_n: Vec3 = Z
         if after.mode is Mode.APPROACH:
             after = _arrived(config, after, now_s)
         elif after.policy is not None:
-            after = after_braking(config, after, goal, now_s)
+            after = end_stop(config, after, now_s)
     return TickResult(after, result.device, limits=flags)
 
 

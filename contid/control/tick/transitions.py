@@ -19,11 +19,10 @@ from dataclasses import replace
 from typing import Final
 
 from contid.control.tick.axis_motions import (
-    PresentRates,
+    approach_after_stop,
     braking,
     braking_at_once,
     motion_to,
-    moves,
     outside,
     planned,
     rates,
@@ -200,11 +199,12 @@ def stop(config: RobotConfig, state: RobotState, policy: StopPolicy, now_s: floa
         return _stop_at_standstill(state, after, policy)
     if not state.command or policy is StopPolicy.VENT:
         return end_stop(config, replace(after, policy=policy), now_s)
-    stands_first = shares_limits(config) and moves(state)
-    if policy is StopPolicy.REST and not stands_first and not outside(config, state.command):
+    to_rest = policy is StopPolicy.REST and not outside(config, state.command)
+    if to_rest and not shares_limits(config):
         motion = motion_to(config, state.command, rates(config, state), config.rest)
         return replace(planned(after, motion, now_s - config.period_s), policy=policy)
-    return braking(config, replace(after, policy=policy), now_s)
+    braked = braking(config, replace(after, policy=policy), now_s)
+    return approach_after_stop(config, braked, config.rest, now_s - config.period_s) if to_rest else braked
 
 
 def _stop_at_standstill(state: RobotState, after: RobotState, policy: StopPolicy) -> RobotState:
@@ -216,23 +216,6 @@ def _stop_at_standstill(state: RobotState, after: RobotState, policy: StopPolicy
     if state.enabled or (had_power and REST_OF[policy] is not Rest.HOLD):
         return bring_to_rest(after, policy)
     return replace(after, enabled=False, motion=None)
-
-
-def after_braking(config: RobotConfig, state: RobotState, ended: Actuation, now_s: float) -> RobotState:
-    """A robot at standstill goes on to its rest pose, if it stood first, or its stop is done.
-
-    Args:
-        config: of the robot.
-        state: after its last motion, with the policy of the stop.
-        ended: goal of that motion; empty for a stop.
-        now_s: of the tick.
-    """
-    goes_on = state.mode is Mode.STOPPING and state.policy is StopPolicy.REST and shares_limits(config)
-    if not goes_on or ended == config.rest or outside(config, state.command):
-        return end_stop(config, state, now_s)
-    still = (0.0,) * len(state.command)
-    motion = motion_to(config, state.command, PresentRates(still, still), config.rest)
-    return planned(state, motion, now_s)
 
 
 def end_stop(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
