@@ -73,7 +73,8 @@ def _rates_of_motion(config: RobotConfig, state: RobotState, last_s: float) -> P
     motion, since_s = state.motion, last_s - state.motion_s
     if not (shares_limits(config) and isinstance(motion, Approach) and state.reference == state.command):
         return rates(config, state)
-    if not 0.0 < since_s < motion.duration_s:
+    slowed = state.path_paces != FULL_PACE  # the clock of the motion is slower than that of the stop
+    if slowed or not 0.0 < since_s < motion.duration_s:
         return rates(config, state)
     return PresentRates(motion.at(since_s).velocity, motion.acceleration_at(since_s))
 
