@@ -19,7 +19,9 @@ from contid.errors import ContidError
 from contid.kernels import load
 from contid.targets import Actuation
 from contid.trajectory.cruise import CruiseAxis, CruiseMotion, StraightMotion
-from contid.trajectory.standstill import MotionState
+from contid.trajectory.joint_stop import JointStop
+from contid.trajectory.standstill import JerkLimitedStop, MotionState
+from contid.trajectory.straight_stop import StraightStop
 
 #: An axis is at its goal already where its way is shorter than that of this time at full speed [s]; a speed
 #: below this share of its limit is zero.
@@ -101,6 +103,37 @@ class Approach:
             return MotionState(self._start, self._start_velocity)
         return MotionState(*self._motion.at_time(time_s))
 
+    def acceleration_at(self, time_s: float) -> Actuation:
+        """Acceleration of every axis ``time_s`` after the start, which is before the end."""
+        found: Actuation = self._motion.acceleration_at(time_s)
+        return found
+
+
+class ApproachAfterStop:
+    """A stop, and from its standstill an approach.
+
+    Args:
+        stop: to standstill; an approach that is nearly over is one, too.
+        stop_s: how long it takes, at least.
+        approach: from where the stop ends.
+
+    Attributes:
+        stop, stop_s, approach: as given.
+        duration_s: time until every axis rests at the end of the approach.
+    """
+
+    def __init__(
+        self, stop: Approach | JerkLimitedStop | JointStop | StraightStop, stop_s: float, approach: Approach
+    ) -> None:
+        self.stop = stop
+        self.stop_s = stop_s
+        self.approach = approach
+        self.duration_s: float = stop_s + approach.duration_s
+
+    def at(self, time_s: float) -> MotionState:
+        """The state ``time_s`` after the start of the stop."""
+        return self.stop.at(time_s) if time_s < self.stop_s else self.approach.at(time_s - self.stop_s)
+
 
 class _Cruise:
     """A motion from rest on a straight line, else one that may leave it; it begins without acceleration."""
@@ -128,6 +161,11 @@ class _Cruise:
             tuple([value * scale for value, scale in zip(position, self._scale, strict=True)]),
             tuple([value * scale for value, scale in zip(velocity, self._scale, strict=True)]),
         )
+
+    def acceleration_at(self, time_s: float) -> Actuation:
+        """Acceleration of every axis."""
+        found = zip(self._motion.acceleration_at(time_s), self._scale, strict=True)
+        return tuple([value * scale for value, scale in found])
 
 
 def _scaled(values: Sequence[float], scale: Sequence[float]) -> list[float]:

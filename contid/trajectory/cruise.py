@@ -43,6 +43,10 @@ class CruiseMotion:
         states = [state_at(knots, time_s) for knots in self._knots]
         return [each.position for each in states], [each.velocity for each in states]
 
+    def acceleration_at(self, time_s: float) -> list[float]:
+        """Accelerations."""
+        return [state_at(knots, time_s).acceleration for knots in self._knots]
+
 
 class StraightMotion:
     """All axes from standstill along a straight line."""
@@ -63,6 +67,11 @@ class StraightMotion:
             [a + share * way for a, way in zip(self._start, self._way, strict=True)],
             [speed * way for way in self._way],
         )
+
+    def acceleration_at(self, time_s: float) -> list[float]:
+        """Accelerations."""
+        (share,) = self._motion.acceleration_at(time_s)
+        return [share * way for way in self._way]
 
 
 class CruiseAxis:

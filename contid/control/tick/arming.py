@@ -7,7 +7,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from contid.control.tick.axis_motions import inwards, motion_to, outside, planned, rates_along_path
+from contid.control.tick.axis_motions import (
+    approach_after_stop,
+    inwards,
+    motion_to,
+    outside,
+    planned,
+    rates_along_path,
+    shares_limits,
+)
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.play import NO_LEAD
@@ -109,10 +117,13 @@ def approach(
 ) -> RobotState:
     """Begin the jerk-limited motion from the last command, given at ``start_s``, to a target.
 
-    The target is solved from ``seed``, or from the last command.
+    Axes that share limits end the stop that they make first. The target is solved from ``seed``, or from the
+    last command.
     """
     in_base = corrected(state.correction, config.frame.target_in_base(target))
     goal = config.model.inverse(in_base, seed or state.command).actuation
     if not all(map(math.isfinite, goal)):
         return fail(config, state, Fault.NOT_A_NUMBER, f"the model answered {goal}", now_s)
+    if shares_limits(config):
+        return approach_after_stop(config, state, goal, start_s)
     return planned(state, motion_to(config, state.command, rates_along_path(config, state), goal), start_s)

@@ -10,7 +10,9 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.state import FULL_PACE, AxisMotion, RobotState
 from contid.control.tick.ways.joint_steps import within
 from contid.targets import Actuation, Target
-from contid.trajectory.approach import Approach
+from contid.trajectory.approach import Approach, ApproachAfterStop
+from contid.trajectory.joint_stop import JointStop
+from contid.trajectory.pursuit import AxisRates, MovingAxes
 from contid.trajectory.standstill import JerkLimitedStop
 from contid.trajectory.straight_stop import StraightStop
 
@@ -27,7 +29,12 @@ def planned(state: RobotState, motion: AxisMotion | None, start_s: float) -> Rob
 
     The reference is that command: one that was limited lags behind what it followed before.
     """
-    return replace(state, motion=motion, motion_s=start_s, reference=state.command, squeeze=None)
+    return replace(state, motion=motion, motion_s=start_s, reference=state.command, squeeze=None, guard=None)
+
+
+def shares_limits(config: RobotConfig) -> bool:
+    """Whether axes share limits, which straight lines from standstill keep; False before motion rules 7."""
+    return config.motion_rules > 6 and config.shared is not None
 
 
 class PresentRates(NamedTuple):
@@ -48,13 +55,28 @@ def rates(config: RobotConfig, state: RobotState) -> PresentRates:
     """Rates at the last command, of the parabola through the last three.
 
     A motion that begins with them keeps the jerk from its first tick on. Motion rules 0 have the mean
-    velocity of the last tick and no acceleration (`contid.control.tick.config.MOTION_RULES`).
+    velocity of the last tick and no acceleration (`contid.control.tick.config.MOTION_RULES`). Since 7 the
+    rates of a robot on its way to a live target are its own: it can stop from these, not always from those.
     """
+    exact = state.guard.motion if state.guard is not None and config.motion_rules > 6 else None
+    if exact is not None and exact.position == state.command:
+        return PresentRates(exact.velocity, exact.acceleration)
     h = config.period_s
     if config.motion_rules == 0 or not state.before:
         return PresentRates(tuple([step / h for step in state.increments]), (0.0,) * len(state.increments))
     changes = [step - was for step, was in zip(state.increments, state.before, strict=True)]
     return PresentRates.at_end(state.increments, changes, h)
+
+
+def _rates_of_motion(config: RobotConfig, state: RobotState, last_s: float) -> PresentRates:
+    """`rates`; those of a running approach are its own where its axes share limits."""
+    motion, since_s = state.motion, last_s - state.motion_s
+    if not (shares_limits(config) and isinstance(motion, Approach) and state.reference == state.command):
+        return rates(config, state)
+    slowed = state.path_paces != FULL_PACE  # the clock of the motion is slower than that of the stop
+    if slowed or not 0.0 < since_s < motion.duration_s:
+        return rates(config, state)
+    return PresentRates(motion.at(since_s).velocity, motion.acceleration_at(since_s))
 
 
 def rates_along_path(config: RobotConfig, state: RobotState) -> PresentRates:
@@ -82,8 +104,33 @@ def motion_to(
     )
     return Approach(
         start, begin.velocity, goal, fastest, acceleration, jerk,
-        straight=config.straight, start_acceleration=begin.acceleration,
+        straight=config.straight or shares_limits(config), start_acceleration=begin.acceleration,
     )  # fmt: skip
+
+
+def approach_after_stop(
+    config: RobotConfig, state: RobotState, goal: Actuation, start_s: float
+) -> RobotState:
+    """The state with the stop that runs and, from its standstill, a straight line to a goal.
+
+    Axes that share limits do not go elsewhere from motion. The whole way is one motion: what is checked or
+    reported of a motion before it begins, such as its duration, is that of both parts.
+
+    Args:
+        config: of the robot.
+        state: it stands, or stops by its motion (`braking`).
+        goal: position of every axis at rest.
+        start_s: of the last command.
+    """
+    stop = state.motion
+    begin = state.command if stop is None else stop.at(stop.duration_s).position
+    still = (0.0,) * len(begin)
+    approach = motion_to(config, begin, PresentRates(still, still), goal)
+    if stop is None:
+        return planned(state, approach, start_s)
+    assert not isinstance(stop, ApproachAfterStop)
+    stop_s = max(stop.duration_s, start_s - state.motion_s)
+    return replace(state, motion=ApproachAfterStop(stop, stop_s, approach))
 
 
 def outside(config: RobotConfig, actuation: Actuation) -> str:
@@ -115,18 +162,49 @@ def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     """The state with a jerk-limited stop from its present motion; none is needed at standstill.
 
     Live targets are followed so that the axes can stop inside the limits of the model, such as a bend radius.
-    Where the jerk-limited stop, which is longer, goes beyond them, it is the shortest one.
+    Where the jerk-limited stop, which is longer, goes beyond them, it is the shortest one. Since motion rules
+    7 the jerk-limited stops are those with which live targets were compared, and an approach that rests as
+    soon as its stop is not stopped: it ends inside.
     """
-    velocity, acceleration = rates(config, state)
+    if (running := _stop_that_runs(state)) is not None:
+        return replace(state, motion=running, squeeze=None)
+    velocity, acceleration = _rates_of_motion(config, state, now_s - config.period_s)
     if not any((*velocity, *acceleration)):
-        return replace(state, motion=None, reference=state.command, squeeze=None)
+        return replace(state, motion=None, reference=state.command, squeeze=None, guard=None)
+    last_s = now_s - config.period_s
+    if shares_limits(config):
+        begin = MovingAxes(state.command, velocity, acceleration)
+        limits = AxisRates(config.velocity, config.acceleration, config.jerk)
+        for straight in (True, False):
+            stop = JointStop(begin, limits, straight=straight)
+            if not _leaves(config, state.command, stop):
+                return planned(state, stop, last_s)
+        if _rests_within(state, stop.duration_s + config.period_s, last_s):
+            return replace(state, squeeze=None)
+        return braking_at_once(config, state, now_s)
     motion = JerkLimitedStop(state.command, velocity, config.acceleration, config.jerk, acceleration)
     if _leaves(config, state.command, motion):
         return braking_at_once(config, state, now_s)
-    return planned(state, motion, now_s - config.period_s)
+    return planned(state, motion, last_s)
 
 
-def _leaves(config: RobotConfig, command: Actuation, motion: JerkLimitedStop) -> bool:
+def _rests_within(state: RobotState, time_s: float, last_s: float) -> bool:
+    """True for an approach on its way as planned that is over within a time after the last tick."""
+    if not isinstance(state.motion, Approach) or state.reference != state.command:
+        return False
+    return state.motion.duration_s - (last_s - state.motion_s) <= time_s
+
+
+def _stop_that_runs(state: RobotState) -> AxisMotion | None:
+    """The stop of axes that share limits which goes on as planned; None for none."""
+    if state.reference != state.command:
+        return None
+    if isinstance(state.motion, ApproachAfterStop):
+        return state.motion.stop
+    return state.motion if isinstance(state.motion, JointStop) else None
+
+
+def _leaves(config: RobotConfig, command: Actuation, motion: JerkLimitedStop | JointStop) -> bool:
     """True when a stop goes from inside the limits of the model beyond them."""
     if config.taut is not None:  # its limiter keeps the tensions
         return False

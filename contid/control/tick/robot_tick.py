@@ -33,7 +33,7 @@ from contid.control.tick.transitions import apply_event, end_stop, fail, stay
 from contid.hal import Sample
 from contid.records import record
 from contid.targets import ZERO3, Actuation, Solution, Target, Vec3
-from contid.trajectory.approach import Approach
+from contid.trajectory.approach import Approach, ApproachAfterStop
 
 _WATCHED: Final = frozenset(Mode) - {Mode.OFF, Mode.CONNECTING, Mode.FAULT}
 _DRIVEN: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING, Mode.FAULT})
@@ -252,6 +252,9 @@ def _move(config: RobotConfig, state: RobotState, now_s: float, load_n: Vec3 = Z
     """Follow the running motion or stand still; change the mode at its end."""
     reference = state.reference
     over = True
+    if isinstance(state.motion, ApproachAfterStop) and now_s - state.motion_s >= state.motion.stop_s:
+        begun_s = state.motion_s + state.motion.stop_s
+        state = replace(state, motion=state.motion.approach, motion_s=begun_s)
     if state.motion is not None:
         since_s = now_s - state.motion_s
         reference = state.motion.at(since_s)[0]

@@ -16,7 +16,8 @@ from contid.hal import Rest
 from contid.records import record
 from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Solution, Target, Vec3
-from contid.trajectory.approach import Approach
+from contid.trajectory.approach import Approach, ApproachAfterStop
+from contid.trajectory.joint_stop import JointStop
 from contid.trajectory.pursuit import MovingAxes
 from contid.trajectory.standstill import JerkLimitedStop
 from contid.trajectory.straight_stop import StraightStop
@@ -28,7 +29,7 @@ PathPaces: TypeAlias = tuple[float, float, float]
 FULL_PACE: Final[PathPaces] = (1.0, 1.0, 1.0)
 
 #: A motion in actuator space.
-AxisMotion: TypeAlias = Approach | JerkLimitedStop | StraightStop
+AxisMotion: TypeAlias = Approach | ApproachAfterStop | JerkLimitedStop | JointStop | StraightStop
 
 
 class Effect(enum.Enum):

@@ -18,7 +18,16 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
-from contid.control.tick.axis_motions import braking, braking_at_once, motion_to, outside, planned, rates
+from contid.control.tick.axis_motions import (
+    approach_after_stop,
+    braking,
+    braking_at_once,
+    motion_to,
+    outside,
+    planned,
+    rates,
+    shares_limits,
+)
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import WITHOUT_MODEL, Fault
 from contid.control.tick.squeezing import Squeeze
@@ -190,10 +199,12 @@ def stop(config: RobotConfig, state: RobotState, policy: StopPolicy, now_s: floa
         return _stop_at_standstill(state, after, policy)
     if not state.command or policy is StopPolicy.VENT:
         return end_stop(config, replace(after, policy=policy), now_s)
-    if policy is StopPolicy.REST and not outside(config, state.command):
+    to_rest = policy is StopPolicy.REST and not outside(config, state.command)
+    if to_rest and not shares_limits(config):
         motion = motion_to(config, state.command, rates(config, state), config.rest)
         return replace(planned(after, motion, now_s - config.period_s), policy=policy)
-    return braking(config, replace(after, policy=policy), now_s)
+    braked = braking(config, replace(after, policy=policy), now_s)
+    return approach_after_stop(config, braked, config.rest, now_s - config.period_s) if to_rest else braked
 
 
 def _stop_at_standstill(state: RobotState, after: RobotState, policy: StopPolicy) -> RobotState:

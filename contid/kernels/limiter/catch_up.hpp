@@ -13,6 +13,7 @@ class CatchUp {
  public:
   CatchUp(const Guard& guard, bool tendons)
       : tendons_(tendons),
+        leaves_line_(guard.motion_rules > 6),
         h_(guard.period_s),
         lines_(static_cast<Lines>(std::max(0, std::min(guard.motion_rules - 1, 2)))),
         rates_{guard.axes, guard.velocity.data(), guard.acceleration.data(), guard.jerk.data()} {}
@@ -29,7 +30,7 @@ class CatchUp {
     if (fits(pursued(now, answer, frame, rates_, h_, true, lines_, found)) ||
         fits(pursued(now, answer, frame, rates_, h_, false, lines_, found)) ||
         (lines_ != Lines::kNone && fits(kept_line(now, answer, rates_, h_, lines_, found))) ||
-        fits(braked(now, rates_, h_, true, lines_, found)))
+        stopped(now, viable, found))
       return false;
     if (!braked(now, rates_, h_, false, Lines::kNone, found)) coast(now, found);
     return false;
@@ -50,8 +51,16 @@ class CatchUp {
       frame_velocity(pace, slower, frame);
       if (pursued(now, answer, frame, slower, h_, true, lines_, found) && viable(found)) return false;
     }
+    if (leaves_line_ && stopped(now, viable, found)) return true;
     if (!braked(now, rates_, h_, true, lines_, found)) coast(now, found);
     return true;
+  }
+
+  // The state after a tick of the stop of all axes together from which they can stop; false for none. One that began
+  // aside of a line goes on so where its rates come to be parallel.
+  template <class Viable> bool stopped(const Moving& now, Viable viable, Moving& found) const {
+    return (braked(now, rates_, h_, true, lines_, found) && viable(found)) ||
+           (leaves_line_ && braked(now, rates_, h_, true, Lines::kNone, found) && viable(found));
   }
 
   // The state after a tick in which accelerations go to zero, where ruckig finds no motion.
@@ -65,7 +74,7 @@ class CatchUp {
     }
   }
 
-  bool tendons_;
+  bool tendons_, leaves_line_;
   double h_;
   Lines lines_;
   AxisRates rates_;

@@ -58,6 +58,38 @@ template <class Shared> nb::tuple gradient_of(const Shared& self, nb::handle axe
   return contid::tuple_of(slopes, axes_of(self));
 }
 
+// The stop of all axes of a robot that the guard compares with its limits, as a motion:
+// contid/trajectory/joint_stop.py.
+class JointStopMotion {
+ public:
+  JointStopMotion(nb::handle state, nb::handle velocity, nb::handle acceleration, nb::handle jerk, bool straight)
+      : velocity_(numbers(velocity)) {
+    const std::size_t axes = velocity_.size();
+    const auto most = numbers(acceleration), jolts = numbers(jerk);
+    if (most.size() != axes || jolts.size() != axes || axes > contid::kMostAxes) throw nb::value_error(kPerAxis);
+    contid::read_moving(state, begin_, static_cast<int>(axes), kPerAxis);
+    joint_ = contid::joint_stop(begin_, velocity_, most, jolts, straight);
+  }
+
+  double duration_s() const { return joint_.duration_s; }
+
+  nb::tuple at_time(double time_s) const {
+    const int axes = static_cast<int>(velocity_.size());
+    AxisNumbers position, velocity;
+    for (int k = 0; k < axes; ++k) {
+      const double unit = joint_.shares[k] * velocity_[k];
+      const auto gone = joint_.stops[k].after(time_s);
+      position[k] = begin_.position[k] + gone.way * unit, velocity[k] = gone.velocity * unit;
+    }
+    return nb::make_tuple(contid::tuple_of(position, axes), contid::tuple_of(velocity, axes));
+  }
+
+ private:
+  std::vector<double> velocity_;
+  Moving begin_;
+  contid::JointStop joint_;
+};
+
 // The guard of one robot, with the limits that its axes share: of lengths, of taut tendons, or of a model in Python.
 class RobotGuard {
  public:
@@ -224,6 +256,11 @@ void bind_guard(nb::module_& module) {
           nb::arg("gain_offset"), nb::arg("gain_least_m"), nb::arg("gain_greatest_m"))
       .def("excess", &excess_of<SharedBend>, nb::arg("axes"))
       .def("gradient", &gradient_of<SharedBend>, nb::arg("axes"), nb::arg("number"));
+  nb::class_<JointStopMotion>(module, "JointStopMotion")
+      .def(nb::init<nb::handle, nb::handle, nb::handle, nb::handle, bool>(), nb::arg("state"), nb::arg("velocity"),
+           nb::arg("acceleration"), nb::arg("jerk"), nb::arg("straight"))
+      .def_prop_ro("duration_s", &JointStopMotion::duration_s)
+      .def("at_time", &JointStopMotion::at_time, nb::arg("time_s"));
   nb::class_<RobotGuard>(module, "RobotGuard")
       .def(nb::init<nb::handle, nb::handle, nb::handle, nb::handle, double, int, int, nb::object, nb::object,
                     nb::handle, nb::handle>(),

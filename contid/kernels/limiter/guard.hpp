@@ -21,8 +21,10 @@ constexpr double kSteepest = 2.0;
 constexpr double kRoundingM = 1e-12, kToleranceM = 1e-9;
 // By motion rules before 3, an axis had at least this share of its greatest velocity in the estimate of its stop.
 constexpr double kSlow = 0.05;
-// States of a stop that are compared with shared limits, and where it comes close to their bounds: an axis that still
-// accelerates leads beyond them early in its stop, and tensions have corners.
+// Rounding of a number of ticks.
+constexpr double kRoundedTicks = 1e-6;
+// By motion rules before 7, the states of a stop that are compared with shared limits, and where it comes close to
+// their bounds: an axis that still accelerates leads beyond them early in its stop, and tensions have corners.
 constexpr int kStates = 4, kStatesClose = 32;
 
 struct Guard {
@@ -71,8 +73,7 @@ struct Guard {
     if (!taut && -now > kSteepest * reach(at)) return true;
     const double allowed = std::max(excess(last), 0.0) + (taut ? kToleranceM : kRoundingM);
     if (now > allowed) return false;
-    const JointStop joint = joint_stop(at, velocity, acceleration, jerk, motion_rules > 1);
-    const auto keeps = [&](int states, bool with_margin) {
+    const auto keeps = [&](const JointStop& joint, int states, bool with_margin) {
       std::vector<double> ways(states * axes);
       for (int n = 0; n < states; ++n)
         if (!stays_between(at, last, joint, joint.duration_s * (n + 1) / states, &ways[n * axes])) return false;
@@ -87,11 +88,29 @@ struct Guard {
       }
       return true;
     };
-    if (!taut && motion_rules < 2) return keeps(kStates, false);
-    return keeps(kStates, true) || keeps(kStatesClose, false);
+    const JointStop joint = joint_stop(at, velocity, acceleration, jerk, motion_rules > 1);
+    if (!taut && motion_rules < 2) return keeps(joint, kStates, false);
+    if (motion_rules < 7) return keeps(joint, kStates, true) || keeps(joint, kStatesClose, false);
+    // A stop that is no line can come to rates that are parallel, after which that on the line is another one.
+    const auto commanded = [&](const JointStop& stop) {
+      return ticks_inside(at, last, stop, [&](const double* axes) { return excess(axes) <= allowed; });
+    };
+    return commanded(joint) || (joint.line && commanded(joint_stop(at, velocity, acceleration, jerk, false)));
   }
 
  private:
+  // Whether the commands of a stop are inside, one per tick. Those of the stop that is left after a tick are the same.
+  template <class Inside>
+  bool ticks_inside(const Moving& at, const double* last, const JointStop& joint, Inside inside) const {
+    std::vector<double> found(axes);
+    const int ticks = static_cast<int>(std::ceil(joint.duration_s / period_s - kRoundedTicks));
+    for (int n = 1; n <= ticks; ++n)
+      if (!stays_between(at, last, joint, std::min(n * period_s, joint.duration_s), found.data()) ||
+          !inside(found.data()))
+        return false;
+    return true;
+  }
+
   // Finds the axes at a time of their stop; false where one is outside its limits, and farther than the last command.
   bool stays_between(const Moving& at, const double* last, const JointStop& joint, double at_s, double* found) const {
     for (int k = 0; k < axes; ++k) {

@@ -19,6 +19,7 @@ struct JointStop {
   AxisNumbers shares;
   std::vector<AxisStop> stops;
   double duration_s = 0.0;
+  bool line = false;
 };
 
 inline JointStop joint_stop(const Moving& at, const std::vector<double>& velocity,
@@ -42,6 +43,7 @@ inline JointStop joint_stop(const Moving& at, const std::vector<double>& velocit
         std::fabs(v[k] - share * v[lead]) <= kParallel && std::fabs(a[k] - share * a[lead]) <= kParallel * most[k];
   }
   if (on_line) {
+    joint.line = true;
     double greatest = most[lead], jolt = jolts[lead];
     for (int k = 0; k < axes; ++k) {
       if (joint.shares[k] == 0.0) continue;

@@ -24,8 +24,14 @@ struct AxisStop {
 
   double duration_s() const { return ramp_s + hold_s + std::fabs(plateau) / jerk; }
 
+  struct Gone {
+    double way, velocity;
+  };
+
   // How far the axis has gone after a time of at most its duration.
-  double way(double time_s) const {
+  double way(double time_s) const { return after(time_s).way; }
+
+  Gone after(double time_s) const {
     double x = 0.0, v = velocity, a = acceleration;
     const auto go = [&](double j, double longest_s) {
       const double t = std::min(time_s, longest_s);
@@ -35,7 +41,7 @@ struct AxisStop {
     go(std::copysign(jerk, plateau - acceleration), ramp_s);
     go(0.0, hold_s);
     go(-std::copysign(jerk, plateau), std::fabs(plateau) / jerk);
-    return x;
+    return {x, v};
   }
 };
 

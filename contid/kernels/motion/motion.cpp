@@ -76,9 +76,15 @@ void make_rest(RestMotion* self, nb::handle start, nb::handle velocity, nb::hand
 }
 
 nb::tuple rest_at(const RestMotion& self, double time_s) {
-  AxisNumbers position, velocity;
-  self.at(time_s, position, velocity);
-  return nb::make_tuple(tuple_of(position, self.axes()), tuple_of(velocity, self.axes()));
+  Moving at;
+  self.at(time_s, at);
+  return nb::make_tuple(tuple_of(at.position, self.axes()), tuple_of(at.velocity, self.axes()));
+}
+
+nb::tuple rest_acceleration(const RestMotion& self, double time_s) {
+  Moving at;
+  self.at(time_s, at);
+  return tuple_of(at.acceleration, self.axes());
 }
 
 }  // namespace
@@ -95,7 +101,8 @@ void bind_motion(nb::module_& module) {
       .def("__init__", &make_rest, nb::arg("start"), nb::arg("velocity"), nb::arg("goal"), nb::arg("fastest"),
            nb::arg("most"), nb::arg("jerk"), nb::arg("straight"), nb::arg("acceleration"))
       .def_prop_ro("duration", &RestMotion::duration_s)
-      .def("at_time", &rest_at, nb::arg("time_s"));
+      .def("at_time", &rest_at, nb::arg("time_s"))
+      .def("acceleration_at", &rest_acceleration, nb::arg("time_s"));
 }
 
 }  // namespace contid

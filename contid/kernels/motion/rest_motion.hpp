@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "../limiter/axis_numbers.hpp"
 #include "solver.hpp"
 
 namespace contid {
@@ -53,11 +54,13 @@ class RestMotion {
 
   double duration_s() const { return solver_.duration_s(); }
 
-  // Position and velocity of every axis at a time.
-  void at(double time_s, double* position, double* velocity) const {
+  // State of every axis at a time.
+  void at(double time_s, Moving& found) const {
     const ScaledState& state = solver_.at(time_s);
-    for (std::size_t k = 0; k < scale_.size(); ++k)
-      position[k] = state.position[k] * scale_[k], velocity[k] = state.velocity[k] * scale_[k];
+    for (std::size_t k = 0; k < scale_.size(); ++k) {
+      found.position[k] = state.position[k] * scale_[k], found.velocity[k] = state.velocity[k] * scale_[k];
+      found.acceleration[k] = state.acceleration[k] * scale_[k];
+    }
   }
 
   std::size_t axes() const { return scale_.size(); }

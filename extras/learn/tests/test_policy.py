@@ -104,14 +104,15 @@ class Garbage:
 class Commands:
     """The commands of every tick of a simulation, compared with the limits of its robot file.
 
-    The jerk is that of a robot that follows: a stop that would leave the reach of a model, and one in front
-    of another body, is the shortest one, which begins with a step of the acceleration.
+    Beside another body the jerk is that of robots that follow: a stop in front of a body is the shortest one,
+    which begins with a step of the acceleration.
     """
 
-    def __init__(self, sim: Sim) -> None:
+    def __init__(self, sim: Sim, *, beside_a_body: bool = False) -> None:
         self._sim, self._configs = sim, sim._process.engine.robots.configs
+        self._beside_a_body = beside_a_body
         self._rows: list[list[float]] = []
-        self._follows: list[list[bool]] = []
+        self._judged: list[list[bool]] = []
         self.ticks = 0
         self.exceeded = {"position": 0, "velocity": 0, "acceleration": 0, "jerk": 0}
 
@@ -120,14 +121,15 @@ class Commands:
         layout, values = self._sim._states.layout, self._sim._values
         robots = [layout.robot(values, index) for index in range(len(self._configs))]
         self._rows.append([axis.command for robot in robots for axis in robot.axes])
-        self._follows.append([robot.mode == Mode.RUN for robot in robots for _ in robot.axes])
+        judged = [not self._beside_a_body or robot.mode == Mode.RUN for robot in robots]
+        self._judged.append([each for each, robot in zip(judged, robots, strict=True) for _ in robot.axes])
         self.ticks += 1
         if len(self._rows) >= 10_000:
             self.compare()
 
     def compare(self) -> None:
         """Count what is beyond the limits since the last call; rounding of differences is not."""
-        at, follows = np.array(self._rows), np.array(self._follows)
+        at, judged = np.array(self._rows), np.array(self._judged)
         low, high, speed, change, jerk = (
             np.array([value for config in self._configs for value in of(config)])
             for of in (
@@ -148,9 +150,9 @@ class Commands:
             new = slice(max(0, self._known - order), None)
             wrong = rate > most * (1 + 1e-6) + 4e-16 * 2**order * size * hz**order
             if name == "jerk":
-                wrong &= follows[3:] & follows[2:-1] & follows[1:-2] & follows[:-3]
+                wrong &= judged[3:] & judged[2:-1] & judged[1:-2] & judged[:-3]
             self.exceeded[name] += int(wrong[new].sum())
-        self._rows, self._follows = self._rows[-3:], self._follows[-3:]
+        self._rows, self._judged = self._rows[-3:], self._judged[-3:]
         self._known = len(self._rows)
 
     _known = 0
@@ -165,7 +167,7 @@ def garbage(name: str, steps: int, seed: int = 1) -> Commands:
     loop.close()
     loop._inference = answers  # type: ignore[assignment]
     with Sim(name) as sim:
-        commands = Commands(sim)
+        commands = Commands(sim, beside_a_body=name == "hand")
         for step in range(steps):
             refused = "; ".join(robot.refused for robot in sim.state.robots.values() if robot.refused)
             row = loop(ServoState(step, step / 100.0, telemetry(sim), sim.state.tick, refused))

@@ -183,7 +183,7 @@ def test_an_order_that_fails_inside_is_that_robots_fault_and_the_run_goes_on(
         220: [Resume(("f0",))],
         300: [Finish(StopPolicy.REST)],
     }
-    monkeypatch.setattr(transitions, "motion_to", none)
+    monkeypatch.setattr(transitions, "approach_after_stop", none)
     run_virtual(loaded, 200.0, None, sinks=[collector], orders=orders, ticks=600)
     assert collector.modes("f0")[-6:] == ["APPROACH", "FAULT", "READY", "ARMING", "HOLD", "FAULT"]
     assert all("no motion from here" in str(event["message"]) for event in events_of(collector, "fault"))

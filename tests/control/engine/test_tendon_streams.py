@@ -15,6 +15,8 @@ from contid.kinematics.array import Array
 from contid.kinematics.tendon.model import TendonModel
 from contid.targets import Actuation, Target, Vec3
 from contid.units import LIMIT_TOLERANCE_M
+from tests.campaign.live.random_streams import rows_of as random_rows
+from tests.campaign.live.random_streams import staged, violations
 from tests.control.engine.streamed import Followed, Row, Run, rows_of
 
 ROBOTS = ("tendon3", "ftdcr_v4")
@@ -111,3 +113,10 @@ def test_a_lift_changes_tensions_not_bends(name: str) -> None:
         assert rise_n.max() > 0.0
         assert rise_n.max() < 0.2 * model.taut.range_n
         assert model.taut.excess(higher) == pytest.approx(float(model.excess(higher).max()), abs=1e-15)
+
+
+@pytest.mark.parametrize("number", [6000070, 42000280])
+def test_a_stop_is_the_one_that_was_compared_with_the_limits(number: int) -> None:
+    """Rates that came to be parallel in it made it another one; between its states a tension was too low."""
+    stage = staged("tendon3")
+    assert violations(stage, random_rows(stage, number)) == {}  # 1.36 and 7.66 times the jerk before

@@ -181,6 +181,33 @@ def test_an_order_to_a_point_that_the_rope_forbids_is_refused() -> None:
     assert moved_m(loaded, seen, "left") < 0.03  # from arming to the row; not down
 
 
+def both(tip_m: Vec3) -> list[msg.Message]:
+    """Gotos of both arms to a tip above their bases."""
+    x, y, z = tip_m
+    return [msg.Goto("left", Target(tip_m=tip_m)), msg.Goto("right", Target(tip_m=(x + 0.7, y, z)))]
+
+
+@pytest.mark.parametrize(
+    ("ordered", "found"),
+    [
+        (both(LOW), "rope: on the way, the rope hangs"),
+        ([msg.Stop(None, StopPolicy.REST)], "it stops where it is instead of at its rest pose"),
+    ],
+    ids=["goto", "rest"],
+)
+def test_a_way_that_the_rope_forbids_does_not_begin_from_motion_either(
+    ordered: list[msg.Message], found: str
+) -> None:
+    """Arms in motion stop first; what follows is checked with it, in the tick of the order."""
+    loaded = chain(floor_mm=-120, rest_mm=95)
+    seen = hold_at(loaded, {100: both(HIGH), 108: ordered, 109: [msg.Mark(1)]})
+    before = [tip[2] for tip in tips(loaded, seen)["left"]]
+    assert max(before) > 0.251, "they were in motion"
+    assert len(message(seen, "refused")) == 2
+    assert all(found in each for each in message(seen, "refused"))
+    assert min(before) > 0.22
+
+
 def test_two_arms_ordered_at_once_are_checked_together() -> None:
     """One alone would pull the rope taut; both to the same side do not."""
     loaded = chain(length_mm=705)
