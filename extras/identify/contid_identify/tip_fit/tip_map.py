@@ -126,3 +126,11 @@ class TipMap:
             return weights, np.zeros_like(weights)
         half = len(weights) // 2
         return weights[:half], weights[half:] / LOAD_KG
+
+    def gain_of_load(self, parameters: Array, degree: int, penalty: float) -> float:
+        """How far the rows move the tip under the greatest payload, as a share of that under the least."""
+        weights, load_weights = self.map_of(parameters, degree, penalty)
+        phi = self._given.columns(parameters, self._given.rows, degree)[:, : len(weights)]
+        about = phi - phi.mean(axis=0)
+        least, greatest = (about @ (weights + s * load_weights) for s in self._given.ends_kg(parameters))
+        return float((least * greatest).sum() / max(float((least**2).sum()), 1e-300))
