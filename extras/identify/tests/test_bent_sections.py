@@ -166,7 +166,7 @@ def test_other_commands_are_predicted_better_than_by_monomials(models: tuple[Tip
 def test_an_arm_that_is_not_where_its_tips_are_is_refused() -> None:
     """As of a camera's table without the place of the base: monomials took it up, and 45 mm were reported."""
     elsewhere = replace(arm(), base_m=np.array([0.1, 0.0, -0.3]))
-    with pytest.raises(ContidError, match="not where they were measured.*origin: rest"):
+    with pytest.raises(ContidError, match=r"not where they were measured.*origin: rest"):
         fit_tip_motion("arm", ("a", "b", "c", "d"), [LoadedTrace(trace_of(1, 20.0))], None, "", elsewhere)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from contid.kinematics.array import Array
 from contid_identify.answer import CommandedTrace
 from contid_identify.moved_on import payload_of
 from contid_identify.tip_fit.trace_rows import LoadedTrace
