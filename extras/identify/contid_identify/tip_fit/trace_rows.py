@@ -31,7 +31,7 @@ FOLDS: Final = 5
 _DEGREES: Final = (3, 2, 1)
 #: Unit of payloads inside a fit, so that their weights are about as large as the others [kg].
 LOAD_KG: Final = 0.1
-#: The greatest 1 / m0 that is believed, per `LOAD_KG`.
+#: The greatest 1 / m0 that is allowed, per `LOAD_KG`.
 STIFFEST: Final = 2.0
 
 
@@ -111,7 +111,7 @@ class TraceRows:
             Parameters of the same frequencies under both payloads.
         """
         (low, high), slope = self.ends_kg(parameters), float(parameters[3 * self.axes])
-        # A body that stands falls where 1 / m0 = -1 / m; it is not believed to be nearer than halfway.
+        # A body that stands falls where 1 / m0 = -1 / m; it is taken to be no nearer than halfway.
         found = (1.0 - gain) / max(gain * high - low, 1e-9)
         self._stiffer_per_kg = float(np.clip(found, -0.5 / high, STIFFEST / LOAD_KG))
         low_s, high_s = self.ends_kg(parameters)
