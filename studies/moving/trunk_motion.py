@@ -7,8 +7,8 @@ repacked; 150 s of the same commands with 0, 100 and 300 g. The split, set befor
 
 * other commands: fitted to the first 70 % of the recording with 0 g, predicted are its last 27 %;
 * payload, its mass apart: fitted to 0 and 300 g, predicted are all 150 s with 100 g, the same commands; its
-  mass is also found from windows of 5 and 10 s. Two payloads do not show that the third 100 g do less than
-  the first;
+  mass is also found from windows of 5 and 10 s. What is between two payloads follows from the gain that
+  the greater one leaves;
 * payload, commands apart: fitted to the first 70 % with 0, 100 and 300 g, predicted the last 27 % with 100
   and 300 g;
 * another day: none is given. In its place the commands of the last 27 % are changed: 180 ms later, gains of

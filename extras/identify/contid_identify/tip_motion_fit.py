@@ -49,6 +49,8 @@ def fit_tip_motion(
     swings, tip_map = SwingSearch(rows), TipMap(rows)
     own = swings.refined(swings.searched())
     degree, penalty = tip_map.chosen(own)
+    if rows.of_loads == 1:
+        own = rows.stiffen(own, tip_map.gain_of_load(own, degree, penalty))
     own, halves = swings.settled(own, penalty, lambda each: tip_map.left_out_squared(each, degree, penalty))
     if sections is not None:
         tip_map.bend(own, sections)

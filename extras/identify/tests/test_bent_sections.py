@@ -18,7 +18,8 @@ from contid_identify.printed import motion_lines
 from contid_identify.sections.bent import ArmSections
 from contid_identify.sections.fit import LoadedInputs, fit_bent, sections_of, start_of, tips_of
 from contid_identify.stages import tip_motion
-from contid_identify.tip_fit.trace_rows import LoadedTrace
+from contid_identify.tip_fit.tip_map import TipMap
+from contid_identify.tip_fit.trace_rows import LoadedTrace, TraceRows
 from contid_identify.tip_motion import TipMotion
 from contid_identify.tip_motion_file import read_tip_motion, write_tip_motion
 from contid_identify.tip_motion_fit import fit_tip_motion
@@ -160,6 +161,16 @@ def test_other_commands_are_predicted_better_than_by_monomials(models: tuple[Tip
     print(off)
     assert off[0] < 0.7 * off[1]
     assert "bends of the sections" in next(iter(motion_lines(models[0])))
+
+
+@pytest.mark.slow
+def test_an_arm_that_is_not_where_its_tips_are_is_refused() -> None:
+    """As of a camera's table without the place of the base: monomials took it up, and 45 mm were reported."""
+    rows = TraceRows([LoadedTrace(trace_of(1, 10.0))], None)
+    swings = np.tile([0.1, np.log(20.0), np.log(0.7)], 4)
+    elsewhere = replace(arm(), base_m=np.array([0.1, 0.0, -0.3]))
+    with pytest.raises(ContidError, match=r"not where they were measured.*origin: rest"):
+        TipMap(rows).bend(swings, elsewhere)
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ import numpy as np
 from contid.kinematics.array import Array
 from contid_identify.estimate import estimate
 from contid_identify.tip_fit.tip_map import MIDDLE, ridge
-from contid_identify.tip_fit.trace_rows import TraceRows
+from contid_identify.tip_fit.trace_rows import STIFFEST, TraceRows
 from contid_identify.tip_motion import SwingHalves
 
 #: Starts of the search: dead times [s], frequencies [Hz], damping ratio.
@@ -20,7 +20,7 @@ _RATIO: Final = 0.6
 _LOW: Final = (0.0, np.log(0.2), np.log(0.02))
 _HIGH: Final = (2.0, np.log(30.0), np.log(3.0))
 #: Bounds of softening and saturation, per `LOAD_KG`.
-_LOADS: Final = ((-1.0, 0.0), (1.0, 2.0))
+_LOADS: Final = ((-1.0, 0.0), (1.0, STIFFEST))
 #: How far an axis may be from the others: dead time [s], logarithms of frequency and ratio.
 _APART: Final = (0.03, 0.3, 0.3)
 #: Samples that hold as much as one alone, because errors last.

@@ -7,7 +7,9 @@ from typing import Final
 
 import numpy as np
 
+from contid.errors import ContidError
 from contid.kinematics.array import Array
+from contid.units import MM_PER_M
 from contid_identify.remembered import RememberedMotion, remember
 from contid_identify.sections.bent import ArmSections, BentSections
 from contid_identify.sections.fit import LoadedInputs, fit_by_folds, start_of, tips_of
@@ -73,12 +75,26 @@ class TipMap:
         )  # fmt: skip
 
     def bend(self, parameters: Array, sections: ArmSections) -> None:
-        """Fit the bends of the sections, by all rows and without each fold."""
+        """Fit the bends of the sections, by all rows and without each fold.
+
+        Raises:
+            ContidError: bends leave more over than a tip that stands still.
+        """
         data, folds = self.data(parameters, self._given.rows), self._given.folds()
         sent = np.concatenate([trace.sent for trace in self._given.traces])
         start = start_of(sections, self._given.back, self._given.centre, 2.0 * sent.std(axis=0))
         most = max(self._given.effects(parameters)) if self._given.loaded else 0.0
         self.bent, self.bent_without = fit_by_folds(start, data, folds, most)
+        left = data.tips - tips_of(self.bent, data)
+        still = data.tips - data.tips.mean(axis=0)
+        left_mm, still_mm = (MM_PER_M * np.sqrt((e**2).sum(axis=1).mean()) for e in (left, still))
+        if left_mm > still_mm:
+            raise ContidError(
+                f"bends of the sections leave {left_mm:.4g} mm of the measured tips over, a tip that stands "
+                f"still {still_mm:.4g} mm: the arm of the robot file is not where they were measured. In the "
+                "table of a camera the base stands elsewhere: take its place off, or write "
+                "`frame: {origin: rest, at: rest}`; `--form map` needs no place"
+            )
 
     def chosen(self, parameters: Array) -> tuple[int, float]:
         """Degree and penalty that predict left-out fifths of the fitted blocks best."""
@@ -126,3 +142,11 @@ class TipMap:
             return weights, np.zeros_like(weights)
         half = len(weights) // 2
         return weights[:half], weights[half:] / LOAD_KG
+
+    def gain_of_load(self, parameters: Array, degree: int, penalty: float) -> float:
+        """How far the rows move the tip under the greatest payload, as a share of that under the least."""
+        weights, load_weights = self.map_of(parameters, degree, penalty)
+        phi = self._given.columns(parameters, self._given.rows, degree)[:, : len(weights)]
+        about = phi - phi.mean(axis=0)
+        least, greatest = (about @ (weights + s * load_weights) for s in self._given.ends_kg(parameters))
+        return float((least * greatest).sum() / max(float((least**2).sum()), 1e-300))

@@ -31,6 +31,8 @@ FOLDS: Final = 5
 _DEGREES: Final = (3, 2, 1)
 #: Unit of payloads inside a fit, so that their weights are about as large as the others [kg].
 LOAD_KG: Final = 0.1
+#: The greatest 1 / m0 that is allowed, per `LOAD_KG`.
+STIFFEST: Final = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +52,9 @@ class TraceRows:
     def __init__(self, traces: Sequence[LoadedTrace], statics: Statics | None) -> None:
         self.loads = [each.load_kg for each in traces]
         self.loaded = np.ptp(self.loads) > 0.0
-        # Two payloads show a slope, three its change.
+        # Two payloads show a slope, three its change; with two `stiffen` has it.
         self.of_loads = min(len(set(self.loads)), 3) - 1
+        self._stiffer_per_kg = 0.0
         sent = np.concatenate([each.trace.sent for each in traces])
         self.axes = sent.shape[1]
         self.centre = sent.mean(axis=0)
@@ -91,11 +94,40 @@ class TraceRows:
 
     def less(self, parameters: Array) -> float:
         """How much less the next payload does [1/kg]."""
-        return float(parameters[3 * self.axes + 1]) / LOAD_KG if self.of_loads > 1 else 0.0
+        return float(parameters[3 * self.axes + 1]) / LOAD_KG if self.of_loads > 1 else self._stiffer_per_kg
+
+    def stiffen(self, parameters: Array, gain: float) -> Array:
+        """What two payloads do between them, by the stiffness of a body that carries them.
+
+        A payload m adds to the stiffness k of a body that hangs, and takes from that of one that stands:
+        commands move it by k / (k + m c) = 1 / (1 + m / m0), which is 1 - s / m0 with the effect
+        s = m / (1 + m / m0). So one number, what the greater payload leaves of the gain, fixes m0.
+
+        Args:
+            parameters: of a fit whose effects were the payloads themselves.
+            gain: of the tip under the greater payload, as a share of that under the lesser one.
+
+        Returns:
+            Parameters of the same frequencies under both payloads.
+        """
+        (low, high), slope = self.ends_kg(parameters), float(parameters[3 * self.axes])
+        # A body that stands falls where 1 / m0 = -1 / m; it is taken to be no nearer than halfway.
+        found = (1.0 - gain) / max(gain * high - low, 1e-9)
+        self._stiffer_per_kg = float(np.clip(found, -0.5 / high, STIFFEST / LOAD_KG))
+        low_s, high_s = self.ends_kg(parameters)
+        out = parameters.copy()
+        out[3 * self.axes] = slope * (high - low) / (high_s - low_s)
+        out[1 : 3 * self.axes : 3] += (out[3 * self.axes] * low_s - slope * low) / LOAD_KG
+        return out
 
     def effects(self, parameters: Array) -> list[float]:
         """``s`` of the payload of each recording [kg]."""
         return [load_kg / (1.0 + self.less(parameters) * load_kg) for load_kg in self.loads]
+
+    def ends_kg(self, parameters: Array) -> tuple[float, float]:
+        """Least and greatest ``s``."""
+        effects = self.effects(parameters)
+        return min(effects), max(effects)
 
     def inputs(self, parameters: Array, rows: Rows) -> list[Array]:
         """What the map acts on, per recording."""
