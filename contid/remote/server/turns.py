@@ -50,6 +50,11 @@ class Turns:
                 if more_wait:
                     self._credit_s -= self._now() - began_s
 
+    @property
+    def delays(self) -> bool:
+        """A client that does not wait for responses has to wait for its turn."""
+        return self._credit() < 0.0
+
     def _credit(self) -> float:
         """The time that may be taken now [s]."""
         now_s = self._now()

@@ -16,6 +16,7 @@ import pytest
 
 from contid.client import Client
 from contid.remote.protocol.wire import decode, encode
+from contid.remote.server.request_starter import MAX_PENDING
 from tests.support.broken.bad_model import ROBOT
 from tests.support.broken.slow_model import installed_in
 from tests.support.daemons import Running, armed, listening, raw, states
@@ -84,6 +85,29 @@ def test_a_stop_of_another_client_does_not_wait_for_rows_under_check(slow: Runni
         took_s = time.monotonic() - began_s
         answers.close()
     assert took_s < 0.5 * ROWS * 1e-3 * SEARCH_MS
+
+
+def test_a_hold_does_not_wait_behind_more_moves_than_are_checked_at_once(slow: Running) -> None:
+    """Each is out of reach and checked for `SEARCH_MS`: the first 32 for 2 s."""
+    moves = MAX_PENDING + 30
+    with raw(slow) as program:
+        answers = program.makefile("rb")
+        orders = [
+            {"id": n, "verb": "move", "target": {"f1.x_mm": 150.0, "f1.y_mm": 50.0}} for n in range(moves)
+        ]
+        began_s = time.monotonic()
+        program.sendall(b"".join(map(encode, [*orders, {"id": moves, "verb": "hold", "robots": ["f0"]}])))
+        codes = {}
+        while len(codes) <= moves:
+            answer = decode(answers.readline())
+            if "id" in answer:
+                codes[answer["id"]] = "ok" if answer["ok"] else answer["error"]["code"]
+                took_s = time.monotonic() - began_s
+        answers.close()
+    assert took_s < 0.5 * MAX_PENDING * 1e-3 * SEARCH_MS
+    assert codes.pop(moves) == "ok"
+    assert set(codes.values()) <= {"stopped", "unreachable"}
+    assert list(codes.values()).count("unreachable") < MAX_PENDING / 2
 
 
 def test_frames_of_the_others_do_not_wait(slow: Running) -> None:
