@@ -149,6 +149,31 @@ def test_a_stop_behind_more_requests_than_are_served_at_once_is_obeyed(verb: str
     assert "nothing was sent" in rest[0]["error"]["message"]
 
 
+@pytest.mark.parametrize("verb", STOP_VERBS)
+def test_a_stop_behind_requests_that_wait_for_their_share_of_time_is_obeyed(verb: str) -> None:
+    """A flood before them has used the time of clients that do not wait for responses."""
+
+    async def order() -> list[str]:
+        server, client = socket.socketpair()
+        client.setblocking(False)
+        handler, turns = OrderHandler(), Turns(sleep=lambda _: asyncio.sleep(3600.0))
+        turns._credit_s = -1e6
+        connection = Connection(1, cast(RequestHandler, handler), turns)
+        loop = asyncio.get_running_loop()
+        await loop.connect_accepted_socket(lambda: connection.receiver, server)
+        run = asyncio.create_task(connection.run())
+        verbs = ["status", "status", verb]
+        await loop.sock_sendall(client, b"".join(f'{{"id":1,"verb":"{each}"}}\n'.encode() for each in verbs))
+        while verb not in handler.got:
+            await asyncio.sleep(0.001)
+        client.close()
+        run.cancel()
+        await asyncio.wait([run])
+        return handler.got
+
+    assert "status" not in asyncio.run(asyncio.wait_for(order(), 60.0))
+
+
 @pytest.mark.slow
 def test_a_client_that_never_ceases_to_send_is_disconnected() -> None:
     """The rest of what it sent is read for a stop; what it sends meanwhile is not."""

@@ -31,6 +31,17 @@ CUT: Final = "the last row has no end of line and may be cut off: not followed"
 log = logging.getLogger(__name__)
 
 
+def ends(stream: Stream, line: str, number: int) -> bool:
+    """True for a last line without end of line: a killed producer may leave ``50,7`` of ``50,75``.
+
+    JSON needs no end of line: a part of an object does not parse.
+    """
+    if line.endswith("\n") or stream.parser.is_json or not line.strip():
+        return False
+    log.warning(f"{stream.name}:{number}:1: {CUT}")
+    return True
+
+
 class LiveRowReader:
     """Turns the lines of a stream into checked rows."""
 
@@ -81,11 +92,11 @@ class StreamFollower:
     async def follow(self) -> None:
         """Follow until the stream ends."""
         for number, line in self._stream.pending:
-            if self._ends(line, number):
+            if ends(self._stream, line, number):
                 return
             await self._row(line, number)
         async for lines in _lines(self._stream.descriptor):
-            if lines and self._ends(lines[-1], self._number + len(lines)):
+            if lines and ends(self._stream, lines[-1], self._number + len(lines)):
                 await self._turn(lines[:-1])
                 return
             started_s = self._now()
@@ -122,16 +133,6 @@ class StreamFollower:
         row = await self._read(line, number)
         if row is not None:
             self._send(row)
-
-    def _ends(self, line: str, number: int) -> bool:
-        """True for a last line without end of line: a killed producer may leave ``50,7`` of ``50,75``.
-
-        JSON needs no end of line: a part of an object does not parse.
-        """
-        if line.endswith("\n") or self._stream.parser.is_json or not line.strip():
-            return False
-        log.warning(f"{self._stream.name}:{number}:1: {CUT}")
-        return True
 
 
 async def _lines(descriptor: int) -> AsyncIterator[list[str]]:

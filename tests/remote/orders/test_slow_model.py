@@ -97,7 +97,7 @@ def test_a_hold_does_not_wait_behind_more_moves_than_are_checked_at_once(slow: R
         ]
         began_s = time.monotonic()
         program.sendall(b"".join(map(encode, [*orders, {"id": moves, "verb": "hold", "robots": ["f0"]}])))
-        codes = {}
+        codes: dict[int, str] = {}
         while len(codes) <= moves:
             answer = decode(answers.readline())
             if "id" in answer:

@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 
 import pytest
 
+from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import RobotRecord, TickRecord
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.engine.wiring import record_layout
@@ -31,7 +32,7 @@ T = TypeVar("T")
 KEPT = 1000
 
 
-class _VirtualSelector(selectors.DefaultSelector):  # type: ignore[misc, valid-type]
+class _VirtualSelector(selectors.DefaultSelector):
     """Waits for nothing: what a wait is to last, the clock moves on."""
 
     now_s = 0.0
@@ -70,7 +71,8 @@ class VirtualDaemon(VirtualRun):
         self.loaded = with_mock(load_named(name))
         self.rate_hz = float(self.loaded.file.rate_hz)
         self._layout = record_layout(self.loaded, self.rate_hz)
-        self._inbox, self._events, self._listeners = [], [], []
+        self._inbox, self._events = [], []
+        self._listeners: list[Callable[[RunEvent], None]] = []
         self._crosses_to = 0
         self._newest: TickRecord | None = None
         self.records = {}
@@ -94,11 +96,15 @@ class VirtualDaemon(VirtualRun):
     def listen(self, listener: Any) -> None:
         self._listeners.append(listener)
 
+    def _notice(self, event: RunEvent) -> None:
+        for listener in self._listeners:
+            listener(event)
+
     async def ticks(self) -> None:
         """Ticks at their rate, for ever."""
         loop = asyncio.get_running_loop()
         while True:
-            self.turn(lambda event: [listener(event) for listener in self._listeners])
+            self.turn(self._notice)
             await asyncio.sleep(max(self._process.tick / self.rate_hz - loop.time(), 0.0))
 
 
