@@ -98,13 +98,15 @@ class GarbagePolicy(Policy):
     def close(self) -> None: ...
 
 
-def driven(name: str, folder: Path, steps: int, seed: int) -> tuple[Commands, Counter[str], dict[str, int]]:
+def driven(
+    name: str, folder: Path, steps: int, seed: int, wrong_share: float = 0.01
+) -> tuple[Commands, Counter[str], dict[str, int]]:
     """Drive robots by garbage; a policy that ended is started again, as by a person who does not look."""
     views = views_of(Robot(name), RATE_HZ)
     axes = sum(len(view.columns) for view in views)
     about = PolicyAbout.of(views, RATE_HZ, "reach")
     write_policy(folder / "p.onnx", about, [(np.zeros((axes, about.width)), np.zeros(axes))])
-    session = GarbageSession(axes, seed, wrong_share=0.01)
+    session = GarbageSession(axes, seed, wrong_share)
     policy = GarbagePolicy(folder / "p.onnx", session)
     faults: Counter[str] = Counter()
 
@@ -139,7 +141,7 @@ def _goals(views: tuple[RobotView, ...]) -> dict[str, Any]:
 
 
 def test_garbage_of_every_type_exceeds_no_limit(tmp_path: Path) -> None:
-    commands, asked, ended = driven("finger", tmp_path, 1500, 1)
+    commands, asked, ended = driven("finger", tmp_path, 600, 1, wrong_share=0.04)
     assert len(asked) > 12, asked
     assert sum(ended.values()) > 5, ended
     assert {key: commands.exceeded[key] for key in ("position", "velocity", "acceleration")} == {
