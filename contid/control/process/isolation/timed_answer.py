@@ -29,8 +29,8 @@ class AnswerTimer:
     def wait(self, own_s: float, most_s: float) -> bytes | None:
         """The answer to the newest request, None without one.
 
-        A part that took twice as long as it was to take says nothing of the process that is asked: this one
-        stood still, or waited for a processor.
+        A part that takes longer than it was to take counts as what it was to take: this process stood still,
+        or waited for a processor.
 
         Args:
             own_s: longest time, without that in which the process waits for a processor or this one stands
@@ -49,9 +49,9 @@ class AnswerTimer:
             waited_s = self._process.waited_s() if is_counted else 0.0
             now_s = time.monotonic()
             took_s, before_s = now_s - before_s, now_s
-            passed_s += min(took_s, part_s)
-            if took_s < 2.0 * part_s:
-                had_s += max(took_s - waited_s, 0.0)
+            counted_s = min(took_s, part_s)
+            passed_s += counted_s
+            had_s += max(counted_s - waited_s, 0.0)
             if not is_counted and had_s >= 0.5 * own_s:
                 is_counted = True
                 self._count_waiting()
