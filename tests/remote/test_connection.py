@@ -20,8 +20,7 @@ from contid.remote.protocol.wire import STOP_VERBS
 from contid.remote.server.connection import Connection
 from contid.remote.server.query_handler import Subscription
 from contid.remote.server.request_handler import RequestHandler
-from contid.remote.server.request_starter import MAX_PENDING
-from contid.remote.server.turns import Turns
+from contid.remote.server.turns import MAX_PENDING, Turns
 
 
 class FailingHandler:

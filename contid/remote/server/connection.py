@@ -1,6 +1,6 @@
 """One client connection: requests in, responses and telemetry out.
 
-Requests start in their order (`contid.remote.server.request_starter`); a long one does not delay the next, so
+Requests start in their order (`contid.remote.server.turns`); a long one does not delay the next, so
 a stop after a large trajectory is carried out at once. An emergency stop is recognised before its line is
 parsed (`contid.remote.protocol.wire`) and obeyed when it arrives (`contid.remote.server.line_receiver`).
 """
@@ -21,8 +21,7 @@ from contid.remote.server.line_receiver import LineReceiver
 from contid.remote.server.outbox import Outbox
 from contid.remote.server.query_handler import Subscription
 from contid.remote.server.request_handler import RequestHandler
-from contid.remote.server.request_starter import RequestStarter, check_not_overtaken
-from contid.remote.server.turns import Turns
+from contid.remote.server.turns import RequestStarter, Turns, check_not_overtaken
 from contid.units import MAX_LINE
 
 #: Lines that are no requests after which a client is disconnected.

@@ -16,7 +16,7 @@ import pytest
 
 from contid.client import Client
 from contid.remote.protocol.wire import decode, encode
-from contid.remote.server.request_starter import MAX_PENDING
+from contid.remote.server.turns import MAX_PENDING
 from tests.support.broken.bad_model import ROBOT
 from tests.support.broken.slow_model import installed_in
 from tests.support.daemons import Running, armed, listening, raw, states

@@ -6,7 +6,7 @@ stands still, a socket or requests that lead nowhere, a page that is busy) and p
 or the space bar. The page's own clock measures from the press, by the time of its event, to the first of
 both: all robots shown as off, or the alarm. What is shown as off is then asked of the devices.
 `CONTID_STOPS=1000` gives the length of the campaign, `CONTID_SEED` its numbers. Of a trial that fails, what
-the page showed and when, its picture, its text, the journal of the devices and the error stay in the folder
+the page showed and when, a screenshot, its text, the journal of the devices and the error stay in the folder
 `CONTID_STOPS_KEEP`, else in the temporary folder of the test; the campaign goes on.
 """
 
