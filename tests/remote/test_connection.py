@@ -16,10 +16,11 @@ from typing import Any, cast
 
 import pytest
 
+from contid.remote.protocol.wire import STOP_VERBS
 from contid.remote.server.connection import Connection
 from contid.remote.server.query_handler import Subscription
 from contid.remote.server.request_handler import RequestHandler
-from contid.remote.server.turns import Turns
+from contid.remote.server.turns import MAX_PENDING, Turns
 
 
 class FailingHandler:
@@ -86,6 +87,90 @@ def test_a_stop_is_obeyed_when_it_arrives_and_again_in_its_order(parts: int) -> 
 
     got = asyncio.run(asyncio.wait_for(order(), 60.0))
     assert got == ["estop before its turn", "status", "resume", "estop"]
+
+
+class SlowMoves(OrderHandler):
+    """A handler whose moves are checked until the gate is open."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.gate = asyncio.Event()
+
+    async def serve(self, caller: object, fields: dict[str, Any]) -> dict[str, Any]:
+        self.got.append(fields["verb"])
+        if fields["verb"] == "move":
+            await self.gate.wait()
+        return {}
+
+
+@pytest.mark.parametrize("verb", STOP_VERBS)
+@pytest.mark.parametrize("at_once", [True, False], ids=["sent together", "sent later"])
+def test_a_stop_behind_more_requests_than_are_served_at_once_is_obeyed(verb: str, at_once: bool) -> None:
+    """Moves that were given before it and have not begun are refused; what only reads is answered."""
+    more = 8
+
+    async def order() -> tuple[list[str], dict[int, dict[str, Any]]]:
+        server, client = socket.socketpair()
+        client.setblocking(False)
+        handler = SlowMoves()
+        connection = Connection(1, cast(RequestHandler, handler), Turns())
+        loop = asyncio.get_running_loop()
+        await loop.connect_accepted_socket(lambda: connection.receiver, server)
+        run = asyncio.create_task(connection.run())
+        verbs = ["move"] * (MAX_PENDING + more) + ["status", verb, "move", verb, "status"]
+        lines = [f'{{"id":{number},"verb":"{each}"}}\n'.encode() for number, each in enumerate(verbs)]
+        if at_once:
+            await loop.sock_sendall(client, b"".join(lines))
+        else:
+            await loop.sock_sendall(client, b"".join(lines[: MAX_PENDING + 2]))
+            while len(handler.got) < MAX_PENDING:
+                await asyncio.sleep(0.001)
+            await loop.sock_sendall(client, b"".join(lines[MAX_PENDING + 2 :]))
+        while handler.got.count(verb) < 2:
+            await asyncio.sleep(0.001)
+        before = list(handler.got)
+        handler.gate.set()
+        received = b""
+        while received.count(b"\n") < 1 + len(verbs):
+            received += await loop.sock_recv(client, 1 << 16)
+        client.close()
+        await run
+        answers = [json.loads(line) for line in received.splitlines()[1:]]
+        return before, {answer["id"]: answer for answer in answers}
+
+    before, answers = asyncio.run(asyncio.wait_for(order(), 60.0))
+    assert before.count("move") == MAX_PENDING
+    moves, rest = MAX_PENDING + more, [answers[number] for number in range(MAX_PENDING, len(answers))]
+    assert all(answers[number]["ok"] for number in range(MAX_PENDING))
+    refused = [answer["error"]["code"] for answer in rest if not answer["ok"]]
+    assert refused == ["stopped"] * (more + 1)
+    assert all(answers[moves + number]["ok"] for number in (0, 1, 3, 4))
+    assert "nothing was sent" in rest[0]["error"]["message"]
+
+
+@pytest.mark.parametrize("verb", STOP_VERBS)
+def test_a_stop_behind_requests_that_wait_for_their_share_of_time_is_obeyed(verb: str) -> None:
+    """A flood before them has used the time of clients that do not wait for responses."""
+
+    async def order() -> list[str]:
+        server, client = socket.socketpair()
+        client.setblocking(False)
+        handler, turns = OrderHandler(), Turns(sleep=lambda _: asyncio.sleep(3600.0))
+        turns._credit_s = -1e6
+        connection = Connection(1, cast(RequestHandler, handler), turns)
+        loop = asyncio.get_running_loop()
+        await loop.connect_accepted_socket(lambda: connection.receiver, server)
+        run = asyncio.create_task(connection.run())
+        verbs = ["status", "status", verb]
+        await loop.sock_sendall(client, b"".join(f'{{"id":1,"verb":"{each}"}}\n'.encode() for each in verbs))
+        while verb not in handler.got:
+            await asyncio.sleep(0.001)
+        client.close()
+        run.cancel()
+        await asyncio.wait([run])
+        return handler.got
+
+    assert "status" not in asyncio.run(asyncio.wait_for(order(), 60.0))
 
 
 @pytest.mark.slow

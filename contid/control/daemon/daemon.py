@@ -246,9 +246,10 @@ class Daemon:
         reader = LiveRowReader(stream, preflight)
 
         async def read(line: str, number: int) -> Message | None:
-            return await call(robots, reader.row, line, number)
+            # Of an input that was detached no model is asked, and nothing is reported.
+            return await call(robots, reader.row, line, number) if self.input_active else None
 
-        await StreamFollower(stream, reader, self._send_input, read=read).follow()
+        await StreamFollower(stream, read, self._send_input).follow()
         self._send_input(EndOfRows())
 
     def _send_input(self, message: Message) -> None:

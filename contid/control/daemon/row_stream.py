@@ -31,6 +31,17 @@ CUT: Final = "the last row has no end of line and may be cut off: not followed"
 log = logging.getLogger(__name__)
 
 
+def ends(stream: Stream, line: str, number: int) -> bool:
+    """True for a last line without end of line: a killed producer may leave ``50,7`` of ``50,75``.
+
+    JSON needs no end of line: a part of an object does not parse.
+    """
+    if line.endswith("\n") or stream.parser.is_json or not line.strip():
+        return False
+    log.warning(f"{stream.name}:{number}:1: {CUT}")
+    return True
+
+
 class LiveRowReader:
     """Turns the lines of a stream into checked rows."""
 
@@ -44,16 +55,6 @@ class LiveRowReader:
         self._name = stream.name
         self._parser = stream.parser
         self._preflight = preflight
-
-    def ends(self, line: str, number: int) -> bool:
-        """True for a last line without end of line: a killed producer may leave ``50,7`` of ``50,75``.
-
-        JSON needs no end of line: a part of an object does not parse.
-        """
-        if line.endswith("\n") or self._parser.is_json or not line.strip():
-            return False
-        log.warning(f"{self._name}:{number}:1: {CUT}")
-        return True
 
     def row(self, line: str, number: int) -> Rows | None:
         """The row of a line, None for a comment; robots of a wrong row hold until their next good one."""
@@ -76,15 +77,13 @@ class StreamFollower:
     def __init__(
         self,
         stream: Stream,
-        reader: LiveRowReader,
+        read: Callable[[str, int], Awaitable[Message | None]],
         send: Callable[[Message], None],
         now: Callable[[], float] = time.monotonic,
-        read: Callable[[str, int], Awaitable[Message | None]] | None = None,
     ) -> None:
-        """Follow a stream; ``read`` is `LiveRowReader.row` where that asks isolated models."""
-        self._read = read
+        """Follow a stream; ``read`` is `LiveRowReader.row`, in a thread where that asks isolated models."""
         self._stream = stream
-        self._reader = reader
+        self._read = read
         self._send = send
         self._now = now
         self._number = stream.number
@@ -93,11 +92,11 @@ class StreamFollower:
     async def follow(self) -> None:
         """Follow until the stream ends."""
         for number, line in self._stream.pending:
-            if self._reader.ends(line, number):
+            if ends(self._stream, line, number):
                 return
             await self._row(line, number)
         async for lines in _lines(self._stream.descriptor):
-            if lines and self._reader.ends(lines[-1], self._number + len(lines)):
+            if lines and ends(self._stream, lines[-1], self._number + len(lines)):
                 await self._turn(lines[:-1])
                 return
             started_s = self._now()
@@ -131,7 +130,7 @@ class StreamFollower:
         await self._row(lines[newest], first + newest)
 
     async def _row(self, line: str, number: int) -> None:
-        row = await self._read(line, number) if self._read else self._reader.row(line, number)
+        row = await self._read(line, number)
         if row is not None:
             self._send(row)
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from contid.control.daemon.control_child import ControlChild
 from contid.control.daemon.daemon import Daemon
 from contid.control.daemon.inputs import CancellableReader, Stream
-from contid.control.daemon.row_stream import LiveRowReader
+from contid.control.daemon.row_stream import LiveRowReader, ends
 from contid.control.daemon.run_request import RunRequest, load, open_input, preflight_of, rate_of, read_input
 from contid.control.daemon.spawn import Spawned
 from contid.control.daemon.terminal import event_text, print_message
@@ -95,7 +95,7 @@ def _rows(stream: Stream, preflight: Preflight | None) -> Iterator[Mapping[str, 
     rows = LiveRowReader(stream, preflight)
     with open(stream.descriptor, encoding="utf-8", errors="replace", closefd=False) as file:
         for number, line in chain(stream.pending, enumerate(file, stream.number + 1)):
-            if rows.ends(line, number):
+            if ends(stream, line, number):
                 return
             row = rows.row(line, number)
             if row is not None:

@@ -33,8 +33,8 @@ def planned(state: RobotState, motion: AxisMotion | None, start_s: float) -> Rob
 
 
 def shares_limits(config: RobotConfig) -> bool:
-    """Whether axes share limits, which straight lines from standstill keep; False before motion rules 7."""
-    return config.motion_rules > 6 and config.shared is not None
+    """Whether axes share limits, which straight lines from standstill keep; False before motion rules 8."""
+    return config.motion_rules > 7 and config.shared is not None
 
 
 class PresentRates(NamedTuple):
@@ -55,10 +55,10 @@ def rates(config: RobotConfig, state: RobotState) -> PresentRates:
     """Rates at the last command, of the parabola through the last three.
 
     A motion that begins with them keeps the jerk from its first tick on. Motion rules 0 have the mean
-    velocity of the last tick and no acceleration (`contid.control.tick.config.MOTION_RULES`). Since 7 the
+    velocity of the last tick and no acceleration (`contid.control.tick.config.MOTION_RULES`). Since 8 the
     rates of a robot on its way to a live target are its own: it can stop from these, not always from those.
     """
-    exact = state.guard.motion if state.guard is not None and config.motion_rules > 6 else None
+    exact = state.guard.motion if state.guard is not None and config.motion_rules > 7 else None
     if exact is not None and exact.position == state.command:
         return PresentRates(exact.velocity, exact.acceleration)
     h = config.period_s
@@ -163,7 +163,7 @@ def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
 
     Live targets are followed so that the axes can stop inside the limits of the model, such as a bend radius.
     Where the jerk-limited stop, which is longer, goes beyond them, it is the shortest one. Since motion rules
-    7 the jerk-limited stops are those with which live targets were compared, and an approach that rests as
+    8 the jerk-limited stops are those with which live targets were compared, and an approach that rests as
     soon as its stop is not stopped: it ends inside.
     """
     if (running := _stop_that_runs(state)) is not None:

@@ -13,7 +13,7 @@ class CatchUp {
  public:
   CatchUp(const Guard& guard, bool tendons)
       : tendons_(tendons),
-        leaves_line_(guard.motion_rules > 6),
+        leaves_line_(guard.motion_rules > 7),
         h_(guard.period_s),
         lines_(static_cast<Lines>(std::max(0, std::min(guard.motion_rules - 1, 2)))),
         rates_{guard.axes, guard.velocity.data(), guard.acceleration.data(), guard.jerk.data()} {}

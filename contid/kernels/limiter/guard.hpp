@@ -23,7 +23,7 @@ constexpr double kRoundingM = 1e-12, kToleranceM = 1e-9;
 constexpr double kSlow = 0.05;
 // Rounding of a number of ticks.
 constexpr double kRoundedTicks = 1e-6;
-// By motion rules before 7, the states of a stop that are compared with shared limits, and where it comes close to
+// By motion rules before 8, the states of a stop that are compared with shared limits, and where it comes close to
 // their bounds: an axis that still accelerates leads beyond them early in its stop, and tensions have corners.
 constexpr int kStates = 4, kStatesClose = 32;
 
@@ -90,7 +90,7 @@ struct Guard {
     };
     const JointStop joint = joint_stop(at, velocity, acceleration, jerk, motion_rules > 1);
     if (!taut && motion_rules < 2) return keeps(joint, kStates, false);
-    if (motion_rules < 7) return keeps(joint, kStates, true) || keeps(joint, kStatesClose, false);
+    if (motion_rules < 8) return keeps(joint, kStates, true) || keeps(joint, kStatesClose, false);
     // A stop that is no line can come to rates that are parallel, after which that on the line is another one.
     const auto commanded = [&](const JointStop& stop) {
       return ticks_inside(at, last, stop, [&](const double* axes) { return excess(axes) <= allowed; });

@@ -1,10 +1,8 @@
 """One client connection: requests in, responses and telemetry out.
 
-Requests start in their order; a long one does not delay the next, so a stop after a large trajectory is
-carried out at once. Of all clients together one request starts per turn of the event loop
-(`contid.remote.server.turns`); orders to stop and other short requests of `PROMPT` wait for no turn. An
-emergency stop is recognised before its line is parsed (`contid.remote.protocol.wire`) and obeyed when
-it arrives (`contid.remote.server.line_receiver`).
+Requests start in their order (`contid.remote.server.turns`); a long one does not delay the next, so
+a stop after a large trajectory is carried out at once. An emergency stop is recognised before its line is
+parsed (`contid.remote.protocol.wire`) and obeyed when it arrives (`contid.remote.server.line_receiver`).
 """
 
 from __future__ import annotations
@@ -13,7 +11,7 @@ import asyncio
 import logging
 import os
 import socket
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any, Final
 
@@ -23,20 +21,15 @@ from contid.remote.server.line_receiver import LineReceiver
 from contid.remote.server.outbox import Outbox
 from contid.remote.server.query_handler import Subscription
 from contid.remote.server.request_handler import RequestHandler
-from contid.remote.server.turns import Turns
+from contid.remote.server.turns import RequestStarter, Turns, check_not_overtaken
 from contid.units import MAX_LINE
 
-#: Requests of one client in progress; more wait in its socket.
-MAX_PENDING: Final = 32
 #: Lines that are no requests after which a client is disconnected.
 MAX_BAD_REQUESTS: Final = 100
 #: Seconds that a client may leave sent data unread.
 STALL_S: Final = 5.0
 #: Bytes that may wait in the kernel's and asyncio's buffers before writing pauses.
 HIGH_WATER: Final = 1 << 16
-#: Verbs that wait for no turn in lines of at most `PROMPT_BYTES`: their cost is small and bounded.
-PROMPT: Final = frozenset({"hello", "ping", "hold", "stop"})
-PROMPT_BYTES: Final = 1024
 
 log = logging.getLogger(__name__)
 
@@ -68,12 +61,9 @@ class Connection:
         self.outbox = Outbox()
         self.subscription: Subscription | None = None
         # An emergency stop is obeyed before its turn; its request follows in its order and gets the response.
-        self.receiver = LineReceiver(lambda line: handler.stops.estop_before_turn(self, line))
+        self.receiver = LineReceiver(self._arrived)
         self._handler = handler
-        self._turns = turns
-        self._pending = asyncio.Semaphore(MAX_PENDING)
-        self._estops = asyncio.Semaphore(MAX_PENDING)
-        self._requests: set[asyncio.Task[None]] = set()
+        self._starter = RequestStarter(self.receiver, turns, self._request)
         self._bad_requests = 0
         self._closing = asyncio.Event()
 
@@ -85,9 +75,9 @@ class Connection:
         try:
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            for task in (*tasks, *self._requests):
+            for task in (*tasks, *self._starter.requests):
                 task.cancel()
-            await asyncio.gather(*tasks, *self._requests, return_exceptions=True)
+            await asyncio.gather(*tasks, *self._starter.requests, return_exceptions=True)
             self._take_rest()
             self._obey_rest()
             self._transport.abort()
@@ -114,7 +104,7 @@ class Connection:
 
     async def _read(self) -> None:
         while (line := await self.receiver.line()) is not None:
-            await self._serve(line)
+            await self._starter.start(line)
         if self.receiver.too_long:
             self._refuse(None, RemoteError(Code.BAD_REQUEST, f"a line has at most {MAX_LINE} bytes"))
             await asyncio.sleep(0)  # lets the writer send the refusal
@@ -134,30 +124,13 @@ class Connection:
             while descriptor >= 0 and not self.receiver.too_long and (chunk := os.read(descriptor, MAX_LINE)):
                 self.receiver.feed(chunk)
 
-    async def _serve(self, line: bytes) -> None:
-        """Start the request of a line, in its turn."""
-        if is_estop(line):
-            await self._start(self._estops, line)
-        elif len(line) <= PROMPT_BYTES and _verb(line) in PROMPT:
-            await self._start(self._pending, line)
-        else:
-            async with self._turns.turn(more_wait=bool(self.receiver.lines)):
-                await self._start(self._pending, line)
+    def _arrived(self, lines: Sequence[bytes]) -> None:
+        """Obey the first emergency stop of lines that were read at once."""
+        if estop := next(filter(is_estop, lines), None):
+            self._handler.stops.estop_before_turn(self, estop)
+        self._starter.overtake()
 
-    async def _start(self, pending: asyncio.Semaphore, line: bytes) -> None:
-        """Start a request when fewer than `MAX_PENDING` are in progress; returns after its first step."""
-        await pending.acquire()
-        task = asyncio.create_task(self._request(line))
-        self._requests.add(task)
-
-        def done(task: asyncio.Task[None]) -> None:
-            self._requests.discard(task)
-            pending.release()
-
-        task.add_done_callback(done)
-        await asyncio.sleep(0)
-
-    async def _request(self, line: bytes) -> None:
+    async def _request(self, line: bytes, overtaken: bool) -> None:
         number: Any = None
         try:
             try:
@@ -169,6 +142,8 @@ class Connection:
                 raise (
                     await self._handler.stops.obey_malformed_estop(self, error) if is_estop(line) else error
                 ) from None
+            if overtaken:
+                check_not_overtaken(fields.get("verb"))
             self.notify({"id": number, "ok": True, "result": await self._handler.serve(self, fields)})
         except RemoteError as error:
             self._refuse(number, error)
@@ -194,15 +169,6 @@ class Connection:
             while not self.receiver.lost:
                 self._write_line(await self.outbox.get())
                 await self.receiver.writable(STALL_S)
-
-
-def _verb(line: bytes) -> str | None:
-    """The verb of a line; None when it is no request, or its verb is no text."""
-    try:
-        verb = decode(line).get("verb")
-    except RemoteError:
-        return None
-    return verb if isinstance(verb, str) else None
 
 
 def _number(fields: Fields) -> int | str | None:

@@ -1,18 +1,16 @@
 """The lines that one client sends, divided as they arrive.
 
-An emergency stop is passed on inside the callback of the event loop that read it, ahead of every task; its
-line then takes its place among the others. So the lines of other clients that wait for their turn delay
-their responses only.
+They are passed on inside the callback of the event loop that read them, ahead of every task, to be looked
+through for stops; then they wait in their order. So the lines of other clients delay no stop.
 """
 
 from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
-from contid.remote.protocol.wire import is_estop
 from contid.units import MAX_LINE
 
 #: Bytes of lines that wait to be served; with more, the client's data stay in its socket.
@@ -28,20 +26,22 @@ class LineReceiver(asyncio.BufferedProtocol):
         transport: to the client; None before the connection is made.
         lines: complete ones that nothing has taken yet, in their order.
         partial: the begin of a line.
+        taken: number of lines that were taken.
         active_s: when the client sent something, or connected.
         active: it has sent something.
         lost: the connection is closed, nothing can be sent.
     """
 
-    def __init__(self, on_estop: Callable[[bytes], None]) -> None:
-        """Receive; ``on_estop`` gets the line of an emergency stop, the first of those read at once."""
+    def __init__(self, on_lines: Callable[[Sequence[bytes]], None]) -> None:
+        """Receive; ``on_lines`` gets the lines that were read at once."""
         self.transport: asyncio.Transport | None = None
         self.lines: deque[bytes] = deque()
         self.partial = b""
         self.active_s = asyncio.get_running_loop().time()
         self.active = False
         self.lost = False
-        self._on_estop = on_estop
+        self.taken = 0
+        self._on_lines = on_lines
         self._waiting = 0
         self._paused = self._ended = False
         self._changed = asyncio.Event()
@@ -55,7 +55,13 @@ class LineReceiver(asyncio.BufferedProtocol):
                 return None
             self._changed.clear()
             await self._changed.wait()
-        line = self.lines.popleft()
+        self.taken += 1
+        return self.remove(0)
+
+    def remove(self, place: int) -> bytes:
+        """Take the line at a place out of those that wait."""
+        line = self.lines[place]
+        del self.lines[place]
         self._waiting -= len(line)
         if self._paused and self._waiting <= MAX_WAITING and self.transport is not None:
             self._paused = False
@@ -84,10 +90,7 @@ class LineReceiver(asyncio.BufferedProtocol):
             return
         self.lines.extend(complete)
         self._waiting += sum(map(len, complete))
-        for line in complete:
-            if is_estop(line):
-                self._on_estop(line)
-                break
+        self._on_lines(complete)
 
     def clear(self) -> None:
         """Forget what came."""

@@ -125,7 +125,10 @@ class Policy:
             answer = self._session.run([self._output], {self._input: observed[None, :]})[0]
         except Exception as error:
             raise ContidError(f"{self._path}: {_first_line(error)}") from None
-        action = np.asarray(answer, dtype=np.float64).ravel()
+        try:
+            action = np.asarray(answer, dtype=np.float64).ravel()
+        except Exception:  # text, a map, a sequence of tensors, nothing
+            raise ContidError(f"{self._path}: its output {self._output!r} is no tensor of numbers") from None
         if action.shape != (len(self.about.columns),):
             raise ContidError(
                 f"{self._path}: it answers {action.size} numbers for {len(self.about.columns)} axes"

@@ -14,7 +14,6 @@ import onnx
 import pytest
 
 from contid import Robot, Sim
-from contid.control.tick.supervisor import Mode
 from contid.errors import ContidError
 from contid.remote.client.servo import ServoState
 from contid_learn import Policy, PolicyAbout, write_policy
@@ -22,6 +21,7 @@ from contid_learn.drive import load_drive
 from contid_learn.goals import parse_goal
 from contid_learn.policy_loop import PolicyLoop
 from contid_learn.views import RobotView, views_of
+from tests.support.virtual.commands import Commands
 
 RATE_HZ = 20.0
 GOAL = {"finger": np.array([30.0, 85.0])}
@@ -101,63 +101,6 @@ class Garbage:
         return self._rng.normal(0.0, 10.0 ** self._rng.integers(-3, 4), self._axes)
 
 
-class Commands:
-    """The commands of every tick of a simulation, compared with the limits of its robot file.
-
-    Beside another body the jerk is that of robots that follow: a stop in front of a body is the shortest one,
-    which begins with a step of the acceleration.
-    """
-
-    def __init__(self, sim: Sim, *, beside_a_body: bool = False) -> None:
-        self._sim, self._configs = sim, sim._process.engine.robots.configs
-        self._beside_a_body = beside_a_body
-        self._rows: list[list[float]] = []
-        self._judged: list[list[bool]] = []
-        self.ticks = 0
-        self.exceeded = {"position": 0, "velocity": 0, "acceleration": 0, "jerk": 0}
-
-    def take(self) -> None:
-        """The newest tick."""
-        layout, values = self._sim._states.layout, self._sim._values
-        robots = [layout.robot(values, index) for index in range(len(self._configs))]
-        self._rows.append([axis.command for robot in robots for axis in robot.axes])
-        judged = [not self._beside_a_body or robot.mode == Mode.RUN for robot in robots]
-        self._judged.append([each for each, robot in zip(judged, robots, strict=True) for _ in robot.axes])
-        self.ticks += 1
-        if len(self._rows) >= 10_000:
-            self.compare()
-
-    def compare(self) -> None:
-        """Count what is beyond the limits since the last call; rounding of differences is not."""
-        at, judged = np.array(self._rows), np.array(self._judged)
-        low, high, speed, change, jerk = (
-            np.array([value for config in self._configs for value in of(config)])
-            for of in (
-                lambda config: [each.lower for each in config.limits],
-                lambda config: [each.upper for each in config.limits],
-                lambda config: config.velocity,
-                lambda config: config.acceleration,
-                lambda config: config.jerk,
-            )
-        )
-        size, hz = np.maximum(np.abs(low), np.abs(high)), self._sim.rate_hz
-        self.exceeded["position"] += int(((at < low - 1e-9 * size) | (at > high + 1e-9 * size)).sum())
-        for order, (name, most) in enumerate(
-            (("velocity", speed), ("acceleration", change), ("jerk", jerk)), 1
-        ):
-            rate = np.abs(np.diff(at, order, axis=0)) * hz**order
-            # Of rows that were compared before none is counted twice.
-            new = slice(max(0, self._known - order), None)
-            wrong = rate > most * (1 + 1e-6) + 4e-16 * 2**order * size * hz**order
-            if name == "jerk":
-                wrong &= judged[3:] & judged[2:-1] & judged[1:-2] & judged[:-3]
-            self.exceeded[name] += int(wrong[new].sum())
-        self._rows, self._judged = self._rows[-3:], self._judged[-3:]
-        self._known = len(self._rows)
-
-    _known = 0
-
-
 def garbage(name: str, steps: int, seed: int = 1) -> Commands:
     """A policy of garbage drives robots as `PolicyLoop` has it, an action every second tick."""
     seen = views_of(Robot(name), RATE_HZ)
@@ -167,7 +110,8 @@ def garbage(name: str, steps: int, seed: int = 1) -> Commands:
     loop.close()
     loop._inference = answers  # type: ignore[assignment]
     with Sim(name) as sim:
-        commands = Commands(sim, beside_a_body=name == "hand")
+        layout = sim._states.layout
+        commands = Commands(sim._process.engine.robots.configs, sim.rate_hz, beside_a_body=name == "hand")
         for step in range(steps):
             refused = "; ".join(robot.refused for robot in sim.state.robots.values() if robot.refused)
             row = loop(ServoState(step, step / 100.0, telemetry(sim), sim.state.tick, refused))
@@ -175,7 +119,7 @@ def garbage(name: str, steps: int, seed: int = 1) -> Commands:
             assert all(map(math.isfinite, row.values()))
             for tick in range(2):
                 sim.step(row if tick == 0 else None)
-                commands.take()
+                commands.take([layout.robot(sim._values, index) for index in range(len(seen))])
         commands.compare()
         assert all(robot.fault == 0 for robot in sim.state.robots.values())
     counts = loop.counts

@@ -45,7 +45,12 @@ def follow(text: str, row_s: float, pending: tuple[tuple[int, str], ...] = ()) -
     async def run() -> None:
         clock = itertools.count()
         beating = asyncio.create_task(beat())
-        follower = StreamFollower(stream, LiveRowReader(stream, None), send, lambda: next(clock) * row_s)
+        reader = LiveRowReader(stream, None)
+
+        async def read(line: str, number: int) -> Message | None:
+            return reader.row(line, number)
+
+        follower = StreamFollower(stream, read, send, lambda: next(clock) * row_s)
         await follower.follow()
         beating.cancel()
 

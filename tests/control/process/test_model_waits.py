@@ -6,18 +6,22 @@ processor all the time. `test_process_time` has what the kernel reports of one t
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import cast
 
 import pytest
 
 from contid.control.process.isolation import model_port, timed_answer
 from contid.control.process.isolation.body import isolated
+from contid.control.process.isolation.link import KeptProcess, ProcessState
 from contid.control.process.isolation.model_port import ModelLostError, ModelPort
 from contid.control.process.isolation.model_ports import model_ports
+from contid.control.process.isolation.wire import KeptAnswer, RequestKind
 from contid.robot_file.load import parse_robot_file
 from tests.support.broken.bad_model import ROBOT, installed_in
 from tests.support.fingers import fingers
@@ -102,3 +106,73 @@ def test_a_model_may_compute_for_long_before_the_first_tick(folder: Path) -> Non
         assert port._link.pid == before
     finally:
         port.close()
+
+
+def test_a_model_that_stood_still_with_who_asks_it_is_not_too_slow(folder: Path) -> None:
+    """As when the machine was suspended, in the first half of the time of an answer."""
+    context = multiprocessing.get_context("fork")
+    inside, outside = context.Pipe()
+
+    def ask() -> None:
+        port = built(folder, "sound")
+        port.longest_s = 2.0
+        os.kill(port._link.pid, signal.SIGSTOP)
+        outside.send(port._link.pid)
+        try:
+            outside.send(str(port.ask(False, "forward", HERE).tip_m))
+        except ModelLostError as error:
+            outside.send(str(error))
+        port.close()
+
+    asker = context.Process(target=ask)
+    asker.start()
+    try:
+        model = inside.recv()
+        time.sleep(0.2)
+        os.kill(asker.pid or 0, signal.SIGSTOP)
+        time.sleep(2.5)
+        os.kill(asker.pid or 0, signal.SIGCONT)
+        time.sleep(1.2)  # 1.4 s of its 2 s
+        os.kill(model, signal.SIGCONT)
+        assert inside.recv() == "(0.05, 0.05, 0.0)"
+    finally:
+        asker.join(20.0)
+        inside.close()
+        outside.close()
+
+
+class StandsStill:
+    """A link whose process answers after ``needs_s`` of its own, on a clock that stands still once.
+
+    From ``at_s`` on both processes stand still for ``for_s``.
+    """
+
+    state = ProcessState.RUNS
+    pid = 0
+
+    def __init__(self, needs_s: float, at_s: float, for_s: float) -> None:
+        self.now_s = self.had_s = 0.0
+        self._needs_s, self._at_s, self._for_s = needs_s, at_s, for_s
+
+    def answer(self, timeout_s: float) -> KeptAnswer | None:
+        step_s = min(timeout_s, self._needs_s - self.had_s)
+        self.had_s += step_s
+        if self.now_s <= self._at_s < self.now_s + step_s:  # the end of the wait is in the standstill
+            self.had_s -= self.now_s + step_s - self._at_s
+            self.now_s = self._at_s + self._for_s
+            return None
+        self.now_s += step_s
+        return KeptAnswer(RequestKind.ASK, b"it") if self.had_s >= self._needs_s else None
+
+
+@pytest.mark.parametrize("at_s", [0.0, 0.1, 0.3, 0.49, 0.5, 0.7, 0.86])
+@pytest.mark.parametrize("for_s", [1.0, 100.0])
+def test_a_standstill_of_who_asks_does_not_count_wherever_it_falls(
+    at_s: float, for_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for needs_s, answers in ((0.85, True), (1.3, False)):  # an eighth of the time may count
+        link = StandsStill(needs_s, at_s, for_s)
+        monkeypatch.setattr(time, "monotonic", lambda link=link: link.now_s)
+        timer = timed_answer.AnswerTimer(cast("KeptProcess", link))
+        assert (timer.wait(1.0, 20.0) == b"it") is answers
+        timer.close()

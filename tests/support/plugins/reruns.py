@@ -15,9 +15,9 @@ RERUN_DELAY_S = 3
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Every `realtime` test gets its further tries."""
+    """Every `realtime` test gets its further tries; a campaign counts its failures, none is hidden."""
     for item in items:
-        if item.get_closest_marker("realtime"):
+        if item.get_closest_marker("realtime") and not item.get_closest_marker("campaign"):
             item.add_marker(pytest.mark.flaky(reruns=RERUNS, reruns_delay=RERUN_DELAY_S))
 
 

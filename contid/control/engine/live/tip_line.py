@@ -7,8 +7,8 @@ their greatest derivatives q', q'', q''' the bounds
     |q'| v <= V        |q''| v^2 + |q'| a <= A        |q'''| v^3 + 3 |q''| v a + |q'| j <= J
 
 hold: each term has the share of `V`, `A` or `J` that a constant below gives it, which makes each rate of s a
-quotient. The derivatives are difference quotients, so a model whose answers are kinked or jump between the
-`POINTS` shares has a slow line: `trirack2`, which is redundant, lines of 98 s instead of 4 s of its axes.
+quotient. The derivatives are difference quotients: where the answers of a model are kinked or jump between the
+`POINTS` shares, as those of redundant arms may, the line would be slow, and is none.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Final
 
+from contid.control.tick.axis_motions import PresentRates, motion_to
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.tip_task import between, turned
 from contid.targets import Actuation, Target
@@ -32,6 +33,9 @@ _TWISTED: Final = 0.1
 _BOTH: Final = 0.25
 #: Share of `A`, and of `J`, for all terms together; what the others leave is for |q'| a, and |q'| j.
 _REST: Final = 0.95
+#: A line that takes this many times as long as the axes together is none, since motion rules 8. Lines of
+#: `finger` and `trirack` took up to 4.6 times, those of the redundant `trirack2` up to 62.
+_SLOWER: Final = 5.0
 
 
 class TipLine:
@@ -75,7 +79,7 @@ def tip_line(config: RobotConfig, start: Target, end: Target, command: Actuation
     """The line from a target that the robot rests on to another one of its kind.
 
     None for targets without a tip, for whole frames, few of which are in reach between two, and where the
-    model has no answer on the line: then the axes go together to the answer.
+    model has no answer on the line, or answers that make it slow: then the axes go together to the answer.
     """
     if start.tip_m is None or end.tip_m is None or end.rotation is not None:
         return None
@@ -90,7 +94,13 @@ def tip_line(config: RobotConfig, start: Target, end: Target, command: Actuation
     velocity, acceleration, jerk = _rates(config, answers)
     if not velocity > 0.0:
         return None
-    return TipLine(start, end, Approach([0.0], [0.0], [1.0], [velocity], [acceleration], [jerk]))
+    line = TipLine(start, end, Approach([0.0], [0.0], [1.0], [velocity], [acceleration], [jerk]))
+    if config.motion_rules > 7:
+        still = (0.0,) * len(command)
+        together = motion_to(config, command, PresentRates(still, still), seed)
+        if line.duration_s > _SLOWER * together.duration_s:
+            return None
+    return line
 
 
 def _rates(config: RobotConfig, answers: list[Actuation]) -> tuple[float, float, float]:

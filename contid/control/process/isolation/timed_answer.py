@@ -8,7 +8,10 @@ from typing import Final
 from contid.control.process.isolation.link import KeptProcess, ProcessState
 from contid.control.process.isolation.process_time import ProcessTime
 
-#: Shortest wait while a process waits for a processor [s].
+#: The time for an answer is waited for in this many parts. Most answers come in half of them: whether the
+#: process waits for a processor is not asked before.
+PARTS: Final = 8
+#: Shortest part [s].
 _LEAST_S: Final = 2e-4
 
 
@@ -26,24 +29,32 @@ class AnswerTimer:
     def wait(self, own_s: float, most_s: float) -> bytes | None:
         """The answer to the newest request, None without one.
 
+        A part that takes longer than it was to take counts as what it was to take: this process stood still,
+        or waited for a processor.
+
         Args:
-            own_s: longest time without that in which the process waits for a processor.
-            most_s: longest time, at least that.
+            own_s: longest time, without that in which the process waits for a processor or this one stands
+                still.
+            most_s: longest time without that in which this one stands still, at least ``own_s``.
         """
-        link, began_s = self._link, time.monotonic()
-        # Most answers come in half of the time: whether the process waits is not asked before.
-        if (answer := link.answer(0.5 * own_s)) is not None:
-            return answer.body
-        self._count_waiting()
-        waited_s = 0.0
-        while link.state is not ProcessState.ENDED:
-            passed_s = time.monotonic() - began_s
-            left_s = min(own_s + waited_s, most_s) - passed_s
+        part_s = max(own_s / PARTS, _LEAST_S)
+        had_s = passed_s = 0.0
+        is_counted, before_s = False, time.monotonic()
+        while self._link.state is not ProcessState.ENDED:
+            is_over = had_s >= own_s or passed_s >= most_s
             # This process may have waited for a processor too: an answer that is there by now is taken.
-            answer = link.answer(max(left_s, _LEAST_S) if left_s > 0.0 else 0.0)
-            if answer is not None or left_s <= 0.0:
+            answer = self._link.answer(0.0 if is_over else part_s)
+            if answer is not None or is_over:
                 return None if answer is None else answer.body
-            waited_s += self._process.waited_s()
+            waited_s = self._process.waited_s() if is_counted else 0.0
+            now_s = time.monotonic()
+            took_s, before_s = now_s - before_s, now_s
+            counted_s = min(took_s, part_s)
+            passed_s += counted_s
+            had_s += max(counted_s - waited_s, 0.0)
+            if not is_counted and had_s >= 0.5 * own_s:
+                is_counted = True
+                self._count_waiting()
         return None
 
     def _count_waiting(self) -> None:

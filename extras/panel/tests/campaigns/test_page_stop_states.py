@@ -5,17 +5,23 @@ tab that comes back, a robot on its way), disturbs what is between it and the ro
 stands still, a socket or requests that lead nowhere, a page that is busy) and presses STOP, by mouse, touch
 or the space bar. The page's own clock measures from the press, by the time of its event, to the first of
 both: all robots shown as off, or the alarm. What is shown as off is then asked of the devices.
-`CONTID_STOPS=1000` gives the length of the campaign.
+`CONTID_STOPS=1000` gives the length of the campaign, `CONTID_SEED` its numbers. Of a trial that fails, what
+the page showed and when, a screenshot, its text, the journal of the devices and the error stay in the folder
+`CONTID_STOPS_KEEP`, else in the temporary folder of the test; the campaign goes on.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import random
+import shutil
 import signal
+import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
 from typing import Any, Final
 
 import pytest
@@ -32,6 +38,9 @@ from tests.support.waiting import until
 pytestmark = [pytest.mark.process, pytest.mark.realtime, pytest.mark.campaign]
 
 STOPS: Final = int(os.environ.get("CONTID_STOPS", "30"))
+SEED: Final = int(os.environ.get("CONTID_SEED", STOPS))
+#: Failed trials after which a campaign ends.
+MOST_WRONG: Final = 10
 #: What the issue allows [ms].
 WITHIN_MS = 1500.0
 PHONE: Final[dict[str, Any]] = {"viewport": {"width": 390, "height": 800}, "has_touch": True}
@@ -44,8 +53,18 @@ WATCH: Final = """(() => {
         if (isStop && seen.pressed === null) seen.pressed = event.timeStamp;
     };
     for (const kind of ['pointerdown', 'keydown']) window.addEventListener(kind, press, true);
-    window.rearm = () => Object.assign(seen, { pressed: null, off: null, alarm: null });
+    window.trail = []; // what was shown, and when [ms]
+    window.rearm = () => {
+        Object.assign(seen, { pressed: null, off: null, alarm: null });
+        window.trail.length = 0;
+    };
     const look = () => {
+        const states = [...document.querySelectorAll('.robot')].map((each) => each.dataset.state).join();
+        const alarm = document.getElementById('alarm')?.textContent;
+        const link = document.getElementById('link')?.dataset.state;
+        const shown = [states, link, alarm, document.querySelector('dialog[open]')?.id, seen.pressed];
+        if (JSON.stringify(shown) !== JSON.stringify(window.trail.at(-1)?.slice(1)))
+            window.trail.push([performance.now(), ...shown]);
         if (seen.pressed !== null) {
             const robots = [...document.querySelectorAll('.robot')];
             if (robots.every((each) => each.dataset.state === 'OFF')) seen.off ??= performance.now();
@@ -53,7 +72,7 @@ WATCH: Final = """(() => {
         }
     };
     new MutationObserver(look).observe(document,
-        { subtree: true, attributes: true, attributeFilter: ['data-state', 'hidden'] });
+        { subtree: true, attributes: true, attributeFilter: ['data-state', 'hidden', 'open'] });
 })()"""
 #: Ways of the page that lead nowhere; `window.repair` undoes it.
 MUTE_SOCKET: Final = """() => {
@@ -89,6 +108,8 @@ class Trial:
             lab.release()
         for robot in ("f0", "f1"):
             it.state(robot, "HOLD")
+        # A page that still shows `lab` as the holder asks whether to take over.
+        it.page.wait_for_selector("#lease[data-free=true]")
         it.page.wait_for_selector("#alarm", state="hidden")
         it.page.evaluate("() => { window.scrollTo(0, 0); document.activeElement?.blur(); window.rearm(); }")
 
@@ -218,6 +239,27 @@ BETWEEN: Final = (
 Part = Callable[[Trial], Iterator[None]]
 
 
+def keep(trial: Trial, folder: Path, what: str) -> None:
+    """What is left of a trial that failed; the page starts again, as does what was stopped."""
+    folder.mkdir(parents=True)
+    (folder / "what.txt").write_text(f"{what}\nload {os.getloadavg()}\n{traceback.format_exc()}")
+    for process in (trial.served.process, trial.running.process):
+        with suppress(ProcessLookupError):
+            process.send_signal(signal.SIGCONT)
+    page = trial.it.page
+    with suppress(Exception):
+        shown = page.evaluate("() => ({ now: performance.now(), watched, trail })")
+        (folder / "shown.json").write_text(json.dumps(shown, indent=1))
+        (folder / "page.html").write_text(page.content())
+        page.screenshot(path=folder / "page.png", timeout=10_000)
+    (folder / "console.txt").write_text("\n".join(trial.it.problems))
+    with suppress(OSError):
+        shutil.copy(trial.running.folder / "journal.jsonl", folder)
+    with suppress(Exception), trial.running.client() as client:
+        (folder / "status.json").write_text(json.dumps(client.status(), indent=1, default=str))
+    page.reload()
+
+
 def tried(trial: Trial, state: Part, between: Part, *, by_key: bool) -> tuple[str, float]:
     """One press; how it ended ("off" or "alarm") and after how many ms."""
     trial.ready()
@@ -236,8 +278,9 @@ def tried(trial: Trial, state: Part, between: Part, *, by_key: bool) -> tuple[st
 
 
 @pytest.mark.timeout(7200)
-def test_stop_in_every_state_of_the_page(browser: Browser) -> None:
-    numbers = random.Random(STOPS)
+def test_stop_in_every_state_of_the_page(browser: Browser, tmp_path: Path) -> None:
+    numbers = random.Random(SEED)
+    kept = Path(os.environ.get("CONTID_STOPS_KEEP", tmp_path))
     wrong, ended, worst = [], Counter[str](), dict[str, float]()
     with ExitStack() as stack:
         running = stack.enter_context(armed_daemon(2, rate_hz=50))
@@ -258,13 +301,17 @@ def test_stop_in_every_state_of_the_page(browser: Browser) -> None:
             try:
                 end, after_ms = tried(trial, state, between, by_key=by_key)
             except Exception as error:
-                wrong.append(f"{what}: {str(error).splitlines()[0]}")
-                break
+                wrong.append(f"{number}: {what}: {str(error).splitlines()[0]}")
+                keep(trial, kept / str(number), what)
+                if len(wrong) >= MOST_WRONG:
+                    break
+                continue
             ended[end] += 1
             worst[end] = max(worst.get(end, 0.0), after_ms)
             if after_ms > WITHIN_MS:
-                wrong.append(f"{what}: {end} after {after_ms:.0f} ms")
-            if number % 50 == 49:
+                wrong.append(f"{number}: {what}: {end} after {after_ms:.0f} ms")
+                keep(trial, kept / str(number), what)
+            if number % 10 == 9:
                 print(f"{number + 1}: {dict(ended)}, at the latest after {worst} ms, {wrong}", flush=True)
         for each in trials:
             each.it.problems.clear()  # requests that failed while the panel stood still
