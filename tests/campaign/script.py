@@ -62,7 +62,7 @@ SHAPES = {
 
 
 def machines() -> list[Machine]:
-    """Every shipped robot file with actuators, the laboratory that joins three, a close hand, shaped, moving."""
+    """Every shipped robot file with actuators, a laboratory, a close hand, shaped and moving ones."""
     files = [
         load_robot_file(path)
         for path in sorted(configs_folder().glob("*.yaml"))

@@ -47,10 +47,10 @@ if TYPE_CHECKING:
 #: last command; the clock of a live stream begins as slowly as its rows allow, and each expected row is left
 #: behind on a way of its own (`contid.control.engine.live`); the pace of a path that is slowed changes within
 #: half of the jerk, and motions that begin meanwhile are planned by it. 7: the nearest pose to tips out of
-#: reach is followed from itself, however far the axes are behind it, and not searched for in every tick. 8: axes
-#: that share limits stop before an approach or the way to rest, which are straight lines, and stop as their
-#: live targets were compared with the limits: in each tick of a stop (``contid/kernels/limiter/guard.hpp``);
-#: a tip takes no straight line that is far slower than its axes (`contid.control.engine.live.tip_line`).
+#: reach is followed from itself, however far the axes are behind it, and not searched for in every tick. 8:
+#: axes that share limits stop before an approach or the way to rest, which are straight lines, and stop as
+#: their live targets were compared with the limits: in each tick of a stop (``kernels/limiter/guard.hpp``); a
+#: tip takes no straight line that is far slower than its axes (`contid.control.engine.live.tip_line`).
 MOTION_RULES: Final = 8
 #: Data younger than this are never stale: a slow regulator measures at 20 Hz or so.
 STALE_S: Final = 0.1

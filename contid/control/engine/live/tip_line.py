@@ -7,8 +7,8 @@ their greatest derivatives q', q'', q''' the bounds
     |q'| v <= V        |q''| v^2 + |q'| a <= A        |q'''| v^3 + 3 |q''| v a + |q'| j <= J
 
 hold: each term has the share of `V`, `A` or `J` that a constant below gives it, which makes each rate of s a
-quotient. The derivatives are difference quotients: where the answers of a model are kinked or jump between the
-`POINTS` shares, as those of redundant arms may, the line would be slow, and is none.
+quotient. The derivatives are difference quotients: where the answers of a model are kinked or jump between
+the `POINTS` shares, as those of redundant arms may, the line would be slow, and is none.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ _TWISTED: Final = 0.1
 _BOTH: Final = 0.25
 #: Share of `A`, and of `J`, for all terms together; what the others leave is for |q'| a, and |q'| j.
 _REST: Final = 0.95
-#: A line that takes this many times as long as the axes together is none, since motion rules 8. Lines of
-#: `finger` and `trirack` took up to 4.6 times, those of the redundant `trirack2` up to 62.
+#: A line that takes this many times as long as the axes to their answer is none, since motion rules 8: those
+#: of `finger` and `trirack` took up to 4.6 times, of the redundant `trirack2` up to 62.
 _SLOWER: Final = 5.0
 
 
@@ -97,7 +97,8 @@ def tip_line(config: RobotConfig, start: Target, end: Target, command: Actuation
     line = TipLine(start, end, Approach([0.0], [0.0], [1.0], [velocity], [acceleration], [jerk]))
     if config.motion_rules > 7:
         still = (0.0,) * len(command)
-        together = motion_to(config, command, PresentRates(still, still), seed)
+        answer = config.model.inverse(config.frame.target_in_base(end), command).actuation
+        together = motion_to(config, command, PresentRates(still, still), answer)
         if line.duration_s > _SLOWER * together.duration_s:
             return None
     return line

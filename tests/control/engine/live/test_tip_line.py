@@ -23,12 +23,14 @@ def jumps(config: RobotConfig, count: int) -> list[tuple[TipLine | None, float]]
         start, end = (
             tuple((lower + rng.uniform(0.25, 0.75, len(lower)) * (upper - lower)).tolist()) for _ in range(2)
         )
-        tips = [Target(tip_m=config.frame.point_in_world(config.model.forward(q).tip_m)) for q in (start, end)]
+        places = (config.frame.point_in_world(config.model.forward(q).tip_m) for q in (start, end))
+        tips = [Target(tip_m=place) for place in places]
         command: Actuation = config.model.inverse(config.frame.target_in_base(tips[0]), start).actuation
         goal = config.model.inverse(config.frame.target_in_base(tips[1]), command).actuation
         still = (0.0,) * len(goal)
         together = motion_to(config, command, PresentRates(still, still), goal)
-        found.append((tip_line(config, *tips, command), together.duration_s))
+        line = tip_line(config, tips[0], tips[1], command)
+        found.append((line, together.duration_s))
     return found
 
 
@@ -36,8 +38,7 @@ def test_a_redundant_arm_whose_answers_jump_takes_no_line_of_a_minute() -> None:
     (config,) = build_robot_configs(load_named("trirack2"), 200.0)
     lines = [(line.duration_s, axes_s) for line, axes_s in jumps(config, 20) if line is not None]
     assert len(lines) >= 5
-    # The way to the end of a line may be longer than the one to the answer from its start.
-    assert max(line_s for line_s, _ in lines) < 12.0
+    assert all(line_s <= 5.0 * axes_s for line_s, axes_s in lines)
     before = [line.duration_s for line, _ in jumps(replace(config, motion_rules=7), 20) if line is not None]
     assert max(before) > 30.0
     assert len(before) > len(lines)
