@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
@@ -22,6 +23,8 @@ OUTSIDE_SHARE: Final = 0.02
 RECOVER_SHARE: Final = 0.1
 #: Shares of the time of a stop at which it is compared with the limits of the model.
 _LOOKED_AT: Final = (0.25, 0.5, 0.75, 1.0)
+#: Rounding of a number of ticks.
+_ROUNDING: Final = 1e-6
 
 
 def planned(state: RobotState, motion: AxisMotion | None, start_s: float) -> RobotState:
@@ -111,7 +114,7 @@ def motion_to(
 def approach_after_stop(
     config: RobotConfig, state: RobotState, goal: Actuation, start_s: float
 ) -> RobotState:
-    """The state with the stop that runs and, from its standstill, a straight line to a goal.
+    """The state with the stop that runs and, a tick after its end, a straight line from there to a goal.
 
     Axes that share limits do not go elsewhere from motion. The whole way is one motion: what is checked or
     reported of a motion before it begins, such as its duration, is that of both parts.
@@ -129,7 +132,8 @@ def approach_after_stop(
     if stop is None:
         return planned(state, approach, start_s)
     assert not isinstance(stop, ApproachAfterStop)
-    stop_s = max(stop.duration_s, start_s - state.motion_s)
+    ticks = math.ceil(stop.duration_s / config.period_s - _ROUNDING) + 1
+    stop_s = max(ticks * config.period_s, start_s - state.motion_s)
     return replace(state, motion=ApproachAfterStop(stop, stop_s, approach))
 
 

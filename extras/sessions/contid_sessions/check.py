@@ -43,7 +43,7 @@ _SLOWED: Final = 1.5
 #: The profiles of planned motions come from another library: rounding of its times.
 _JERK_ROUNDING: Final = 1e-3
 #: Modes in which a robot may stop in the shortest way (`contid.trajectory.straight_stop`).
-_STOPS: Final = frozenset({Mode.HOLD, Mode.STOPPING, Mode.FAULT})
+_STOPS: Final = frozenset({Mode.APPROACH, Mode.HOLD, Mode.STOPPING, Mode.FAULT})
 #: Faults by which a run ended a motion that the body did not follow.
 _OF_THE_BODY: Final = frozenset({Fault.DOES_NOT_FOLLOW, Fault.MOVES_UNASKED, Fault.IMPLAUSIBLE_SAMPLE})
 #: First command and measurement may differ by the resolution of a device: this share of the travel.
