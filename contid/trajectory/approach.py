@@ -19,8 +19,7 @@ from contid.errors import ContidError
 from contid.kernels import load
 from contid.targets import Actuation
 from contid.trajectory.cruise import CruiseAxis, CruiseMotion, StraightMotion
-from contid.trajectory.joint_stop import JointStop
-from contid.trajectory.standstill import JerkLimitedStop, MotionState
+from contid.trajectory.standstill import JerkLimitedStop, JointStop, MotionState
 from contid.trajectory.straight_stop import StraightStop
 
 #: An axis is at its goal already where its way is shorter than that of this time at full speed [s]; a speed

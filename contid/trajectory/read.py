@@ -12,13 +12,15 @@ import numpy as np
 
 from contid.errors import BadInputError, Located
 from contid.robot_file.robot import RobotDescription
-from contid.trajectory.columns import TIME
+from contid.trajectory.columns import TIME, ColumnLayout
 from contid.trajectory.lines import lines_from_header, numbered_lines
-from contid.trajectory.plain_rows import LINES, plain_rows
-from contid.trajectory.rows import MAX_ROWS, RowReader
+from contid.trajectory.rows import MAX_NUMBER, MAX_ROWS, RowReader
 from contid.trajectory.spline import Floats
 from contid.trajectory.timed import Interpolation, Trajectory
+from contid.units import MAX_LINE
 
+#: Lines that are read at once.
+LINES: Final = 8192
 #: Reading stops after this many findings; mistakes usually repeat in every row.
 MAX_FINDINGS: Final = 50
 #: Least time from row to row. No tick is as short, and a shorter time is a mistake of rounding or unit.
@@ -183,3 +185,33 @@ def _check_directions(reader: RowReader, rows: Floats, lines: array[int], name: 
                 findings.append(Located(name, lines[row + 1], 1, f"{what}; add rows between them"))
     if findings:
         raise BadInputError(findings)
+
+
+def plain_rows(layout: ColumnLayout, lines: Sequence[str], least_s: float) -> Floats | None:
+    """Rows ``(lines, columns)`` in SI of lines of a CSV, as `RowReader` reads single ones.
+
+    None where one of them needs a closer look: where anything is wrong, for quotes, and for columns that a
+    row replaces by others.
+
+    Args:
+        layout: of the columns, with a time.
+        lines: without comments and blank lines.
+        least_s: between two rows.
+    """
+    size = len(layout.names)
+    if any(each.x_axis or each.arcs for each in layout.robots) or max(map(len, lines)) > MAX_LINE:
+        return None
+    try:
+        values = np.loadtxt(lines, delimiter=",", comments=None, ndmin=2)
+    except ValueError:
+        return None
+    if values.shape != (len(lines), size):
+        return None
+    rows: Floats = values * layout.factors / layout.divisors
+    if not np.abs(values).max() <= MAX_NUMBER:  # NaN is not
+        return None
+    if not (np.diff(rows[:, layout.time]) >= least_s).all():
+        return None
+    if any(each.direction and not rows[:, each.direction].any(axis=1).all() for each in layout.robots):
+        return None
+    return rows

@@ -12,9 +12,8 @@ from contid.control.tick.state import FULL_PACE, AxisMotion, RobotState
 from contid.control.tick.ways.joint_steps import within
 from contid.targets import Actuation, Target
 from contid.trajectory.approach import Approach, ApproachAfterStop
-from contid.trajectory.joint_stop import JointStop
 from contid.trajectory.pursuit import AxisRates, MovingAxes
-from contid.trajectory.standstill import JerkLimitedStop
+from contid.trajectory.standstill import JerkLimitedStop, JointStop
 from contid.trajectory.straight_stop import StraightStop
 
 #: Share of an axis's travel beyond a limit that counts as outside; less is noise of a sensor or a zero.

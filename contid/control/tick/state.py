@@ -17,9 +17,8 @@ from contid.records import record
 from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Solution, Target, Vec3
 from contid.trajectory.approach import Approach, ApproachAfterStop
-from contid.trajectory.joint_stop import JointStop
 from contid.trajectory.pursuit import MovingAxes
-from contid.trajectory.standstill import JerkLimitedStop
+from contid.trajectory.standstill import JerkLimitedStop, JointStop
 from contid.trajectory.straight_stop import StraightStop
 
 NO_CORRECTION: Final = Correction()
