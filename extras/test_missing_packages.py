@@ -13,13 +13,24 @@ import pytest
 from contid.errors import EXTRAS
 from contid.robot_file.load import load_named
 from contid.session.read import Session
+from tests.support.plugins.forked import THIS_TREE
+from tests.support.plugins.shell import contid_for_shells
+from tests.support.plugins.starter import LATE
 
 pytestmark = pytest.mark.process
 
 ROOT = Path(__file__).parent.parent
-# Processes that a command starts hide them as well: they import this module too.
+# Processes that a command starts hide them as well: they import this module too. Commands fork where the
+# packages were imported before: these are imported anew, and with them all modules of contid, which could
+# have them already. In campaigns the second line below starts as users start it.
 HIDE = """
 import sys
+
+for name, module in [*sys.modules.items()]:
+    own = name.partition(".")[0]
+    code = (getattr(module, "__file__", None) or "").endswith(".py")
+    if own in PACKAGES or (own.startswith("contid") and code):
+        del sys.modules[name]
 
 class Hidden:
     @classmethod
@@ -30,14 +41,24 @@ class Hidden:
 
 sys.meta_path.insert(0, Hidden)
 """
-CIRCLE = "contid path circle --center 50,70 --radius 20 --for hand"
+CIRCLE = "contid path circle --center 50,70 --radius 5 --period 2 --for hand"
+RUN_AND_READ = (
+    f"{CIRCLE} > c.csv && contid check hand c.csv"
+    " && contid run hand --virtual --trajectory c.csv --record c.mcap"
+    " && contid session info c.mcap && contid replay c.mcap"
+    " && contid session export c.mcap --csv table.csv && contid ik hand c.csv"
+)
+
+
+def hide(packages: set[str], folder: Path) -> Path:
+    (folder / "hide").mkdir()
+    (folder / "hide" / "sitecustomize.py").write_text(LATE + HIDE.replace("PACKAGES", repr(packages)))
+    return folder
 
 
 @pytest.fixture
 def hidden(tmp_path: Path) -> Path:
-    (tmp_path / "hide").mkdir()
-    (tmp_path / "hide" / "sitecustomize.py").write_text(HIDE.replace("PACKAGES", repr(set(EXTRAS))))
-    return tmp_path
+    return hide(set(EXTRAS), tmp_path)
 
 
 @pytest.fixture
@@ -45,27 +66,28 @@ def core(tmp_path: Path) -> Path:
     """The folder of a run of the core alone: no package of `extras` is there."""
     packages = {path.name for path in ROOT.glob("extras/*/contid_*")}
     assert len(packages) > 15
-    (tmp_path / "hide").mkdir()
-    (tmp_path / "hide" / "sitecustomize.py").write_text(HIDE.replace("PACKAGES", repr(packages)))
-    return tmp_path
+    return hide(packages, tmp_path)
 
 
 def shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    function = f'contid() {{ "{sys.executable}" -m contid "$@"; }}; set -o pipefail; '
-    return subprocess.run(
-        ["bash", "-c", function + line],
-        cwd=folder,
-        env={
-            **os.environ,
-            "PYTHONPATH": os.pathsep.join([str(folder / "hide"), str(ROOT), str(ROOT / "drivers")]),
-            "XDG_RUNTIME_DIR": str(folder),
-        },
-        capture_output=True,
-        text=True,
-        timeout=120,
-        stdin=subprocess.DEVNULL,
-        check=False,
-    )
+    commands = folder / "bin"
+    commands.mkdir(exist_ok=True)
+    with contid_for_shells(commands):
+        return subprocess.run(
+            ["bash", "-c", f"set -o pipefail; {line}"],
+            cwd=folder,
+            env={
+                **os.environ,
+                "PATH": f"{commands}:{os.environ['PATH']}",
+                "PYTHONPATH": os.pathsep.join([str(folder / "hide"), THIS_TREE]),
+                "XDG_RUNTIME_DIR": str(folder),
+            },
+            capture_output=True,
+            text=True,
+            timeout=120,
+            stdin=subprocess.DEVNULL,
+            check=False,
+        )
 
 
 def test_the_packages_are_hidden(hidden: Path) -> None:
@@ -77,10 +99,8 @@ def test_the_packages_are_hidden(hidden: Path) -> None:
     "line",
     [
         f"{CIRCLE} | contid run hand --mock",
-        f"{CIRCLE} > c.csv && contid check hand c.csv"
-        " && contid run hand --virtual --trajectory c.csv --record c.mcap"
-        " && contid session info c.mcap && contid replay c.mcap"
-        " && contid session export c.mcap --csv table.csv && contid ik hand c.csv",
+        RUN_AND_READ,
+        pytest.param(RUN_AND_READ, marks=[pytest.mark.campaign, pytest.mark.true_process], id="as a user"),
         "contid new mine --from finger && contid check mine.yaml && contid schema && contid --help",
         "contid calibrate --help && contid calibrate modulus --help && contid view --help",
     ],

@@ -12,6 +12,8 @@ import pytest
 pytestmark = pytest.mark.process
 
 ROOT = Path(__file__).parent.parent
+#: The product: half of what `mypy` alone checks, which has the tests, the studies and the examples as well.
+PRODUCT = ["contid", "drivers/contid_drivers", *map(str, sorted(ROOT.glob("extras/*/contid_*")))]
 
 
 @pytest.mark.timeout(900)  # mypy without its cache, on a busy machine
@@ -20,10 +22,11 @@ ROOT = Path(__file__).parent.parent
     [
         ["ruff", "check", "."],
         ["ruff", "format", "--check", "."],
-        ["mypy"],
+        ["mypy", *PRODUCT],
+        pytest.param(["mypy"], marks=pytest.mark.campaign),
         ["lint-imports", "--no-cache"],
     ],
-    ids=["ruff", "format", "mypy", "layers"],
+    ids=["ruff", "format", "mypy of the product", "mypy", "layers"],
 )
 def test_checks_pass(command: list[str]) -> None:
     tool = Path(sys.executable).parent / command[0]

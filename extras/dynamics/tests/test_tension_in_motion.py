@@ -33,6 +33,10 @@ HINGES = 4
 SHAPE = InputShape(frequency_hz=7.4, damping_ratio=0.07)
 #: Bends of the three sections at begin and goal [deg], all in one plane.
 MOVES = (((0, 0, 0), (50, 50, 50)), ((-70, -60, 10), (30, 70, 60)))
+#: Least tensions of the chain [N], 3 to 6 s of a processor each; `pytest -m campaign` on this file computes
+#: them. With a room of 2 N, of both moves; then a room with which neither falls below the floor.
+CHAIN_LEAST_N = (2.451094, 2.751891)
+CHAIN_ROOM_N = 0.6
 
 
 @dataclass(frozen=True)
@@ -165,26 +169,31 @@ def rod_least_n(robot: TendonRobot, move: int, shape: InputShape | None) -> floa
     return least
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("move", "shape"), [(0, None), (1, SHAPE)])
 def test_the_rod_has_the_tensions_of_a_chain_of_hinges(move: int, shape: InputShape | None) -> None:
-    robot = robot_with(2.0)
-    chain = chain_least_n(robot, move, shape)
-    assert rod_least_n(robot, move, shape) == pytest.approx(chain, abs=0.01)
+    assert rod_least_n(robot_with(2.0), move, shape) == pytest.approx(CHAIN_LEAST_N[move], abs=0.01)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(("move", "shape"), [(0, None), (1, SHAPE)])
+def test_the_chain_has_the_tensions_above(move: int, shape: InputShape | None) -> None:
+    assert chain_least_n(robot_with(2.0), move, shape) == pytest.approx(CHAIN_LEAST_N[move], abs=1e-3)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("move", [0, 1])
+def test_the_chain_needs_that_room(move: int) -> None:
+    robot = robot_with(0.0)
+    assert robot.tension is not None
+    assert chain_least_n(robot, move, SHAPE) < robot.tension.floor_n
+    assert chain_least_n(robot_with(CHAIN_ROOM_N), move, SHAPE) >= robot.tension.floor_n
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("move", [1, pytest.param(0, marks=pytest.mark.campaign)])
-def test_with_room_for_the_swing_no_tension_falls_below_the_floor(move: int) -> None:
-    robot = robot_with(0.0)
-    assert robot.tension is not None
-    floor = robot.tension.floor_n
-    found = tension_swing(robot, SHAPE, moves=12)
+def test_the_room_for_the_swing_is_what_the_chain_needs() -> None:
+    found = tension_swing(robot_with(0.0), SHAPE, moves=12)
     assert found.without == 0
-    before = chain_least_n(robot, move, SHAPE)
-    after = chain_least_n(robot_with(found.swing_n), move, SHAPE)
-    assert before < floor
-    assert after >= floor
+    assert CHAIN_ROOM_N <= found.swing_n < CHAIN_ROOM_N + 0.2
 
 
 def test_limits_without_room_for_the_swing_are_refused() -> None:

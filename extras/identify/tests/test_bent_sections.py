@@ -141,9 +141,9 @@ def trace_of(seed: int, duration_s: float, load_kg: float = 0.0) -> CommandedTra
 @pytest.fixture(scope="module")
 def models() -> tuple[TipMotion, TipMotion]:
     """With sections and without, of the same two short recordings."""
-    traces = [LoadedTrace(trace_of(1, 20.0), 0.0), LoadedTrace(trace_of(2, 20.0, 0.2), 0.2)]
+    traces = [LoadedTrace(trace_of(1, 10.0), 0.0), LoadedTrace(trace_of(2, 10.0, 0.2), 0.2)]
     with pytest.MonkeyPatch.context() as few:
-        few.setattr("contid_identify.remembered.MOST", 200)
+        few.setattr("contid_identify.remembered.MOST", 100)
         axes = ("a", "b", "c", "d")
         return (
             fit_tip_motion("arm", axes, traces, None, "a test", arm()),
