@@ -72,6 +72,13 @@ def test_live_rows_that_outrun_the_limits_are_counted(step_mm: float, outrun: bo
         assert "commanded tip error max" in done.stdout
 
 
+def test_rows_that_go_on_during_the_approach_do_not_outrun_the_limits(tmp_path: Path) -> None:
+    rows = "".join(f"{20.0 + 0.05 * k!r},80\n" for k in range(500))
+    done = run("x_mm,y_mm\n" + rows, tmp_path)
+    assert re.search(r"\d+ ticks at the acceleration limit", done.stdout)
+    assert "outran" not in done.stdout
+
+
 def test_one_live_row_is_reported_as_a_way_to_a_point(tmp_path: Path) -> None:
     done = run("x_mm,y_mm\n20,80\n", tmp_path)
     assert re.search(r"0 ticks followed; \d\d ticks on the way to a point, none along rows", done.stdout)

@@ -167,15 +167,18 @@ def _not_there(places: Sequence[AxisPlace]) -> str:
 
 
 def outrun(robots: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Warnings for robots that live rows asked for more than their limits allow."""
+    """Warnings for robots that live rows asked for more than their limits allow.
+
+    A robot that has to catch up with rows that went on during its approach was not asked for more.
+    """
     out = []
     for name, robot in robots.items():
         limited = robot["ticks_limited"]
-        if limited and robot["tip_error_max_mm"] > robot["ik_residual_max_mm"] + SHOWN_MM:
+        if limited and robot["behind_max_mm"] > SHOWN_MM:
             counts = ", ".join(f"{limit} in {count}" for limit, count in limited.items())
             out.append(
                 f"warning: {name}: the live rows outran its limits ({counts} of {robot['ticks_followed']} "
-                f"ticks); its commanded tip was up to {robot['tip_error_max_mm']:.3g} mm behind: send rows "
+                f"ticks); its commanded tip was up to {robot['behind_max_mm']:.3g} mm behind: send rows "
                 "closer together, or more slowly"
             )
     return out

@@ -67,6 +67,7 @@ class RobotTally:
         off_m: greatest distance of the commanded tip from its target beyond the residual [m]; ticks in which
             a robot catches up at the limit of its rates do not count.
         last_off_m: the same in the newest tick, catching up or not.
+        behind_m: the same in ticks in which a limit bound after the robot had caught up.
         missed_m: greatest residual of a target that was within reach when it was checked [m].
         joined_s: when the robot began to follow.
         caught_up: no limit has bound since then, or since a target out of reach, in at least one tick.
@@ -82,6 +83,7 @@ class RobotTally:
     unreachable: int = 0
     off_m: float = 0.0
     last_off_m: float = 0.0
+    behind_m: float = 0.0
     missed_m: float = 0.0
     joined_s: float = -math.inf
     caught_up: bool = False
@@ -111,6 +113,8 @@ class RobotTally:
             self.joined_s, self.caught_up = joined_s, False
         self.caught_up = self.caught_up or not limited
         self.last_off_m = max(off_m, 0.0)
+        if limited and self.caught_up:
+            self.behind_m = max(self.behind_m, self.last_off_m)
         if self.last_off_m > self.off_m and (not limited or (timed and self.caught_up)):
             self.off_m = self.last_off_m
 
@@ -152,6 +156,7 @@ class RobotTally:
             "ik_residual_max_mm": m_to_mm(self.residual_m),
             "tip_error_max_mm": m_to_mm(self.greatest_m),
             "tip_error_rms_mm": m_to_mm(rms_m),
+            "behind_max_mm": m_to_mm(self.behind_m),
             "ticks_unreachable": self.unreachable,
             "ticks_limited": {
                 name: sum(count for bits, count in self.limited.items() if bits & bit)
