@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from contid.entry_points import CHAINS, CLEARANCE, CONTACTS, required
 from contid.robot_file.chain import Chain
 from contid.robot_file.load import LoadedFile
@@ -14,12 +16,27 @@ def require_extras(loaded: LoadedFile) -> None:
         ContidError: one is not installed; the message has the key that needs it, and the remedy.
     """
     if loaded.file.clearance is not None:
-        required(CLEARANCE, "bodies", f"{loaded.path}: its key `clearance`", "clearance")
+        load_clearance(loaded)
     for name, robot in loaded.file.robots.items():
         if isinstance(robot, Chain):
-            required(CHAINS, "ropes", f"{loaded.path}: robots.{name}: its model `chain`", "ropes")
+            load_chains(loaded, name)
         sense = getattr(robot, "sense", None)
         if getattr(sense, "contact", None) is not None:
             required(CONTACTS, "stage", f"{name}: its key `sense.contact`", "contact")
         if getattr(sense, "nm_per_a", None) is not None:
-            required(CONTACTS, "squeeze", f"{name}: its key `sense.nm_per_a`", "contact")
+            load_squeezes(name)
+
+
+def load_clearance(loaded: LoadedFile) -> Any:
+    """What keeps the bodies of a file apart (`contid.control.engine.stages.BodyClearance`), by the file."""
+    return required(CLEARANCE, "bodies", f"{loaded.path}: its key `clearance`", "clearance")
+
+
+def load_chains(loaded: LoadedFile, robot: str) -> Any:
+    """What keeps the arms of a chain together (`contid.control.engine.stages.ChainGuards`), by the file."""
+    return required(CHAINS, "ropes", f"{loaded.path}: robots.{robot}: its model `chain`", "ropes")
+
+
+def load_squeezes(robot: str) -> Any:
+    """What closes a tip until a force (`contid.control.tick.squeezing.Squeezes`)."""
+    return required(CONTACTS, "squeeze", f"{robot}: its key `sense.nm_per_a`", "contact")

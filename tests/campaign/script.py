@@ -90,22 +90,23 @@ def shaped(name: str) -> LoadedFile:
     shape = SHAPES[name]
     for key, values in {**numbers, "MIDDLE": [0.5] * 6, "HALF": [0.5] * 6}.items():
         shape = shape.replace(key, str(values))
-    text = (configs_folder() / f"{name}.yaml").read_text(encoding="utf-8")
-    text = text.replace(f"name: {name}", f"name: {name}_shaped", 1)
-    changed = text.replace("    rates:\n", f"    rates:\n      shape: {shape}\n", 1)
-    assert changed != text
-    return parse_robot_file(changed, f"{name}_shaped.yaml")
+    return _changed(name, "shaped", f"    rates:\n      shape: {shape}\n")
 
 
 def moving(name: str) -> LoadedFile:
     """A shipped robot whose simulated body has mass and a payload; its measured tip corrects the commands."""
     sim = "{dynamics: true, payload_g: 2, tracker: {noise_mm: 0.3, rate_hz: 100, latency_ms: 10}}"
-    text = (configs_folder() / f"{name}.yaml").read_text(encoding="utf-8")
-    text = text.replace(f"name: {name}", f"name: {name}_moving", 1)
     keys = f"    sim: {sim}\n    feedback: {{gain_per_s: {MOVING[name]}}}\n    rates:\n"
+    return _changed(name, "moving", keys)
+
+
+def _changed(name: str, how: str, keys: str) -> LoadedFile:
+    """A shipped file with another name, and with these lines in place of that of its key ``rates``."""
+    text = (configs_folder() / f"{name}.yaml").read_text(encoding="utf-8")
+    text = text.replace(f"name: {name}", f"name: {name}_{how}", 1)
     changed = text.replace("    rates:\n", keys, 1)
     assert changed != text
-    return parse_robot_file(changed, f"{name}_moving.yaml")
+    return parse_robot_file(changed, f"{name}_{how}.yaml")
 
 
 @dataclass(frozen=True)

@@ -56,19 +56,26 @@ def static_loads(arms, first=0):
 def spirals(minutes):
     """Unloaded arms on spirals: jumps that are none."""
     rng, body = np.random.default_rng(100), plant()
-    run = Run(calibrated(body, rng), body, rng)
+    changes, _ = on_spirals(Run(calibrated(body, rng), body, rng), minutes)
+    print(f"spirals of 4 s a turn for {minutes:g} simulated minutes: {len(changes)} jumps of the estimate, "
+          f"{sum(change > 1.0 for change in changes)} by more than 1 g")  # fmt: skip
+
+
+def on_spirals(run, minutes):
+    """By how much the estimate jumps, and what it is in each tick [g], on pressures that go round."""
     phases = np.array([0.0, 2.0, 4.0, 1.0, 3.0, 5.0]) * math.pi / 3.0
     run.move(0.6 + 0.1 * np.sin(phases))
-    changes = []
+    changes, found = [], []
     for k in range(round(60.0 * minutes * RATE_HZ)):
         before, t = run.observer.found, k / RATE_HZ
         radius = 0.1 + 0.3 * 0.5 * (1.0 - math.cos(2.0 * math.pi * t / 40.0))
         run.tick(0.6 + radius * np.sin(2.0 * math.pi * t / 4.0 + phases))
         after = run.observer.found
+        if after:
+            found.append(math.hypot(*after.force_in_base) / GRAM_N)
         if before and after and before.settled and not after.settled:
             changes.append(math.dist(after.force_in_base, before.force_in_base) / GRAM_N)
-    print(f"spirals of 4 s a turn for {minutes:g} simulated minutes: {len(changes)} jumps of the estimate, "
-          f"{sum(change > 1.0 for change in changes)} by more than 1 g")  # fmt: skip
+    return changes, found
 
 
 def walls(count):

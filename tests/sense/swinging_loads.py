@@ -8,17 +8,14 @@ The plant is the moving twin of `tests.sense.swinging`, the regulators and the t
 
 from __future__ import annotations
 
-import math
 import sys
 
 import numpy as np
 
-from tests.sense.observed import GRAM_N, RATE_HZ, Run, calibrated, plant
+from tests.sense.figures import on_spirals
+from tests.sense.observed import GRAM_N, Run, calibrated, plant
 from tests.sense.swinging import SwingingArm
 
-#: Period of a turn of the pressures, and of their radius [s].
-TURN_S = 4.0
-RADIUS_S = 40.0
 MOVES = 20
 
 
@@ -38,19 +35,7 @@ def run_of(swings: bool) -> Run:
 
 def spirals(run: Run, minutes: float) -> str:
     """Jumps of the estimate while the pressures go in circles of changing radius."""
-    phases = np.array([0.0, 2.0, 4.0, 1.0, 3.0, 5.0]) * math.pi / 3.0
-    run.move(0.6 + 0.1 * np.sin(phases))
-    changes, found_g = [], []
-    for k in range(round(60.0 * minutes * RATE_HZ)):
-        before, t = run.observer.found, k / RATE_HZ
-        radius = 0.1 + 0.15 * (1.0 - math.cos(2.0 * math.pi * t / RADIUS_S))
-        run.tick(0.6 + radius * np.sin(2.0 * math.pi * t / TURN_S + phases))
-        after = run.observer.found
-        if after is None:
-            continue
-        found_g.append(math.hypot(*after.force_in_base) / GRAM_N)
-        if before is not None and before.settled and not after.settled:
-            changes.append(math.dist(after.force_in_base, before.force_in_base) / GRAM_N)
+    changes, found_g = on_spirals(run, minutes)
     median, high, most = np.quantile(found_g, [0.5, 0.99, 1.0])
     return (
         f"{len(changes)} jumps of the estimate, {sum(each > 1.0 for each in changes)} by more than 1 g; "

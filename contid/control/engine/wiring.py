@@ -6,7 +6,7 @@ import logging
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from contid.control.engine.stages import BodyClearance, ChainGuards
 from contid.control.engine.tick_layout import RecordLayout, RobotLayout
@@ -14,7 +14,6 @@ from contid.control.tick.config import RobotConfig, robot_config
 from contid.control.tick.preflight.kept_apart import ChecksRope
 from contid.control.tick.preflight.rows import Preflight, Unreachable
 from contid.control.tick.transmission import RobotTransmission
-from contid.entry_points import CHAINS, CLEARANCE, required
 from contid.errors import ContidError, DriverDefectError
 from contid.hal import (
     RESPONSES,
@@ -35,6 +34,7 @@ from contid.robot_file.chain import Chain
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.document import BusWiring
 from contid.robot_file.load import LoadedFile
+from contid.robot_file.needs import load_chains, load_clearance
 from contid.robot_file.proven.bringup import changed_axes, slow_notice
 from contid.robot_file.rack_finger import RackFinger
 from contid.robot_file.tendon.robot import TendonRobot
@@ -177,7 +177,7 @@ def build_robot_configs(loaded: LoadedFile, rate_hz: float) -> tuple[RobotConfig
         for name, robot in loaded.driven.items()
     )
     if loaded.file.clearance is not None and loaded.file.clearance.obstacles:
-        _clearance(loaded).lead(configs, loaded)
+        load_clearance(loaded).lead(configs, loaded)
     return configs
 
 
@@ -200,8 +200,7 @@ def chains_of(loaded: LoadedFile) -> ChainGuards | None:
     names = [name for name, robot in loaded.file.robots.items() if isinstance(robot, Chain)]
     if not names:
         return None
-    what = f"{loaded.path}: robots.{names[0]}: its model `chain`"
-    built: ChainGuards = required(CHAINS, "ropes", what, "ropes")(loaded)
+    built: ChainGuards = load_chains(loaded, names[0])(loaded)
     return built
 
 
@@ -219,12 +218,8 @@ def clearance_of(loaded: LoadedFile) -> BodyClearance | None:
     """
     if loaded.file.clearance is None:
         return None
-    built: BodyClearance = _clearance(loaded)(loaded)
+    built: BodyClearance = load_clearance(loaded)(loaded)
     return built
-
-
-def _clearance(loaded: LoadedFile) -> Any:
-    return required(CLEARANCE, "bodies", f"{loaded.path}: its key `clearance`", "clearance")
 
 
 def build_preflight(loaded: LoadedFile, rate_hz: float, unreachable: Unreachable) -> Preflight | None:

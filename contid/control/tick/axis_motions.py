@@ -46,6 +46,11 @@ class PresentRates(NamedTuple):
     acceleration: Actuation
 
     @classmethod
+    def at_rest(cls, axes: int) -> PresentRates:
+        """Of axes that stand."""
+        return cls((0.0,) * axes, (0.0,) * axes)
+
+    @classmethod
     def at_end(cls, steps: Sequence[float], changes: Sequence[float], period_s: float) -> PresentRates:
         """Of the parabola through three commands, at the last: its last steps, and how they changed."""
         h = period_s
@@ -126,8 +131,7 @@ def approach_after_stop(
     """
     stop = state.motion
     begin = state.command if stop is None else stop.at(stop.duration_s).position
-    still = (0.0,) * len(begin)
-    approach = motion_to(config, begin, PresentRates(still, still), goal)
+    approach = motion_to(config, begin, PresentRates.at_rest(len(begin)), goal)
     if stop is None:
         return planned(state, approach, start_s)
     assert not isinstance(stop, ApproachAfterStop)

@@ -15,7 +15,6 @@ from contid.control.tick.shared_limits import SharedLimits
 from contid.control.tick.squeezing import Squeezes
 from contid.control.tick.taut import lift_n
 from contid.control.tick.transmission import RobotTransmission
-from contid.entry_points import CONTACTS, required
 from contid.hal import DeviceResponse, Sample
 from contid.kernels import load
 from contid.kinematics.extra_axes import build_whole_model
@@ -23,6 +22,7 @@ from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Model
 from contid.robot_file.base import ContactPolicy, Quantity, Stops, TipFeedback
 from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.needs import load_squeezes
 from contid.robot_file.rack_finger import CurrentSense, RackFinger
 from contid.robot_file.robot import RobotDescription
 from contid.targets import Actuation
@@ -250,7 +250,7 @@ def _squeezes(name: str, robot: RobotDescription) -> Squeezes | None:
     """What closes the tip of a robot until a force, None where no force follows from its currents."""
     if not isinstance(robot, RackFinger) or robot.sense is None or robot.sense.nm_per_a is None:
         return None
-    found: Squeezes = required(CONTACTS, "squeeze", f"{name}: its key `sense.nm_per_a`", "contact")
+    found: Squeezes = load_squeezes(name)
     return found
 
 

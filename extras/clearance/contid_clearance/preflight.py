@@ -47,8 +47,7 @@ class ClearancePreflight:
         motions = {}
         for name, (goal, _) in goals.items():
             here, _ = start[name]
-            still = (0.0,) * len(here)
-            motions[name] = motion_to(self._configs[name], here, PresentRates(still, still), goal)
+            motions[name] = motion_to(self._configs[name], here, PresentRates.at_rest(len(here)), goal)
         duration_s = max((motion.duration_s for motion in motions.values()), default=0.0)
         intervals = max(1, math.ceil(duration_s / INTERVAL_S))
         for k in range(1, intervals + 1):

@@ -96,9 +96,8 @@ def tip_line(config: RobotConfig, start: Target, end: Target, command: Actuation
         return None
     line = TipLine(start, end, Approach([0.0], [0.0], [1.0], [velocity], [acceleration], [jerk]))
     if config.motion_rules > 7:
-        still = (0.0,) * len(command)
         answer = config.model.inverse(config.frame.target_in_base(end), command).actuation
-        together = motion_to(config, command, PresentRates(still, still), answer)
+        together = motion_to(config, command, PresentRates.at_rest(len(command)), answer)
         if line.duration_s > _SLOWER * together.duration_s:
             return None
     return line

@@ -27,8 +27,7 @@ def jumps(config: RobotConfig, count: int) -> list[tuple[TipLine | None, float]]
         tips = [Target(tip_m=place) for place in places]
         command: Actuation = config.model.inverse(config.frame.target_in_base(tips[0]), start).actuation
         goal = config.model.inverse(config.frame.target_in_base(tips[1]), command).actuation
-        still = (0.0,) * len(goal)
-        together = motion_to(config, command, PresentRates(still, still), goal)
+        together = motion_to(config, command, PresentRates.at_rest(len(goal)), goal)
         line = tip_line(config, tips[0], tips[1], command)
         found.append((line, together.duration_s))
     return found
