@@ -27,8 +27,8 @@ from contid.control.engine.tick_layout import DEADLINE, LATENESS, TICK
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import record_layout
 from contid.control.process import ring
+from contid.control.process.pipe import RunSetup
 from contid.control.process.ring_writer import RingWriter
-from contid.control.process.setup import RunSetup
 from contid.robot_file.load import find_robot_file, load_robot_file, with_mock
 from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.virtual import run_virtual
-from contid.control.process.setup import RunSetup
+from contid.control.process.pipe import RunSetup
 from contid.robot_file.load import find_robot_file, load_robot_file, with_mock
 from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver

@@ -26,7 +26,7 @@ from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.cycle import Sink
 from contid.control.engine.messages import Message
 from contid.control.engine.wiring import wired_buses
-from contid.control.process.setup import RunSetup
+from contid.control.process.pipe import RunSetup
 from contid.errors import ContidError
 from contid.robot_file.load import load_robot_file
 from contid_emulate.offered import emulated

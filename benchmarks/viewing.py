@@ -42,8 +42,8 @@ from contid.control.daemon.run_request import RunOptions
 from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.messages import Finish, Message
 from contid.control.engine.tick_layout import LATENESS
+from contid.control.process.pipe import RunSetup
 from contid.control.process.ring_reader import RingReader
-from contid.control.process.setup import RunSetup
 from contid.robot_file.load import LoadedFile, find_robot_file, load_robot_file, with_mock
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory

@@ -14,8 +14,8 @@ from typing import Final
 from contid.control.daemon.spawn import ENVIRONMENT, module_command
 from contid.control.engine.cycle import Sink
 from contid.control.engine.messages import Message, Play
+from contid.control.process.pipe import RunSetup
 from contid.control.process.ring import SECONDS
-from contid.control.process.setup import RunSetup
 from contid.control.process.shared_files import ATTACHED_FILES, folder
 from contid.errors import ContidError
 from contid.session.format.header import END, NPZ, Attached, RecorderJob

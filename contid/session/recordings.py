@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from contid.control.engine.cycle import Sink
 from contid.control.engine.messages import Message
-from contid.control.process.setup import RunSetup
+from contid.control.process.pipe import RunSetup
 from contid.errors import ContidError
 
 if TYPE_CHECKING:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import copy
 import enum
+import math
 from array import array
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,14 @@ from numpy.typing import NDArray
 from contid.targets import Target
 from contid.trajectory.columns import ColumnLayout
 from contid.trajectory.spline import Floats, cubic, linear
+from contid.units import DEG
+
+#: Notes of one trajectory about whole turns; a wrapped column repeats.
+MAX_NOTES: Final = 3
+#: Ending of the columns that are angles of axes.
+_ENDING: Final = "_deg"
+#: Half a turn [rad], and rounding.
+_HALF_TURN: Final = math.pi * (1.0 + 1e-9)
 
 
 class Interpolation(enum.StrEnum):
@@ -147,3 +157,28 @@ class Trajectory:
     def targets_of_row(self, index: int) -> Mapping[str, Target]:
         """Targets of row ``index``."""
         return self.layout.targets(self.rows[index].tolist())
+
+
+def whole_turns(trajectory: Trajectory, name: str) -> Iterator[str]:
+    """A note for every row that turns an axis by more than half a turn from the row before.
+
+    Such a column may have been wrapped into -180..180 degrees; its rows are followed as they are.
+
+    Args:
+        trajectory: as it was read.
+        name: of its source.
+    """
+    steps = np.diff(trajectory.rows, axis=0)
+    columns = [k for k, each in enumerate(trajectory.columns) if each.endswith(_ENDING)]
+    found = [(row, k) for k in columns for row in np.nonzero(np.abs(steps[:, k]) > _HALF_TURN)[0].tolist()]
+    for row, k in found[:MAX_NOTES]:
+        before, after = (float(trajectory.rows[row + i, k]) / DEG for i in (0, 1))
+        step = after - before
+        shorter = step - 360.0 * round(step / 360.0)
+        where = f"{name}:{trajectory.lines[row + 1]}: {trajectory.columns[k]}"
+        yield (
+            f"{where} goes from {before:g} to {after:g}, which turns the axis by {step:g} degrees; "
+            f"if the column wraps, write {before + shorter:g} ({shorter:+g} degrees)"
+        )
+    if len(found) > MAX_NOTES:
+        yield f"{name}: {len(found)} rows turn an axis by more than half a turn"

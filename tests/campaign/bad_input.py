@@ -22,7 +22,7 @@ from pathlib import Path
 
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.virtual import run_virtual
-from contid.control.process.setup import RunSetup
+from contid.control.process.pipe import RunSetup
 from contid.errors import ContidError
 from contid.remote.protocol.wire import RequestFields, decode, is_estop
 from contid.robot_file.load import configs_folder, load_robot_file, parse_robot_file, with_mock

@@ -19,7 +19,7 @@ import numpy as np
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import build_robot_configs, chain_guards
-from contid.control.process.setup import RunSetup
+from contid.control.process.pipe import RunSetup
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.preflight.rows import Preflight
 from contid.robot_file.load import LoadedFile, load_robot_file, with_mock

@@ -8,7 +8,7 @@ import pytest
 
 from contid.control.engine.staleness import Staleness, staleness_of
 from contid.control.engine.tick_layout import RecordLayout, RobotLayout
-from contid.remote.server.health import bus_health
+from contid.remote.server.robot_fields import bus_health
 
 
 def test_tiers_follow_the_age_and_the_rate() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from contid.control.engine.cycle import OnEnd
-from contid.control.process.setup import RunSetup
+from contid.control.process.pipe import RunSetup
 from contid.session.write import SessionWriter
 from tests.session.rewrite import without_checksums
 from tests.session.runs import record_virtual

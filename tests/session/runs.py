@@ -13,7 +13,7 @@ from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import build_robot_configs
-from contid.control.process.setup import RunSetup
+from contid.control.process.pipe import RunSetup
 from contid.control.tick.config import RobotConfig
 from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
 from contid.session.recording_observer import RecordingObserver

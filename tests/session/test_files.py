@@ -16,7 +16,7 @@ import pytest
 from mcap.reader import make_reader
 
 from contid.control.engine.cycle import OnEnd
-from contid.control.process.setup import RunSetup
+from contid.control.process.pipe import RunSetup
 from contid.errors import ContidError, SessionError
 from contid.session.format.channels import CHANNELS, EVENT, MEASURED, TICK_CHANNELS
 from contid.session.format.metadata import describe

@@ -18,8 +18,8 @@ from contid.control.engine.cycle import OnEnd
 from contid.control.engine.events.run import LogWritten
 from contid.control.engine.wiring import record_layout
 from contid.control.process import ring
+from contid.control.process.pipe import RunSetup
 from contid.control.process.ring_writer import RingWriter
-from contid.control.process.setup import RunSetup
 from contid.errors import ContidError, SessionError
 from contid.session.format.entries import DAMAGED
 from contid.session.format.header import RecorderJob

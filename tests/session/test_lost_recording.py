@@ -14,8 +14,8 @@ import pytest
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.wiring import record_layout
 from contid.control.process import ring
+from contid.control.process.pipe import RunSetup
 from contid.control.process.ring_writer import RingWriter
-from contid.control.process.setup import RunSetup
 from contid.session import recording_observer
 from contid.session.format.header import Attached
 from contid.session.recording_observer import RecordingObserver

@@ -12,7 +12,7 @@ from mcap.reader import SeekingReader
 
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.events.run import NoteWritten
-from contid.control.process.setup import RunSetup
+from contid.control.process.pipe import RunSetup
 from contid.session.format.metadata import describe
 from contid.session.read import Session
 from contid.session.write import SessionWriter

@@ -16,8 +16,8 @@ from contid.control.engine.events.buses import RecorderFailed
 from contid.control.engine.events.robots import OrderGiven
 from contid.control.engine.wiring import record_layout
 from contid.control.process import ring
+from contid.control.process.pipe import RunSetup
 from contid.control.process.ring_writer import RingWriter
-from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 from contid.session.format.header import RecorderJob
 from contid.session.format.metadata import describe

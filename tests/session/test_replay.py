@@ -14,8 +14,8 @@ from contid.control.engine.cycle import OnEnd
 from contid.control.engine.events.robots import OrderGiven
 from contid.control.engine.wiring import record_layout
 from contid.control.process import ring
+from contid.control.process.pipe import RunSetup
 from contid.control.process.ring_writer import RingWriter
-from contid.control.process.setup import RunSetup
 from contid.control.process.shared_files import folder
 from contid.errors import ContidError
 from contid.robot_file.load import parse_robot_file

@@ -13,7 +13,7 @@ import pytest
 
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.messages import Play
-from contid.control.process.setup import RunSetup
+from contid.control.process.pipe import RunSetup
 from contid.session.format.header import Header, RecorderJob
 from contid.session.format.metadata import describe
 from contid.session.mcap_recorder import READY

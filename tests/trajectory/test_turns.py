@@ -11,8 +11,7 @@ from contid.control.tick.preflight.rows import Preflight
 from contid.errors import BadInputError
 from contid.robot_file.load import LoadedFile, find_robot_file, parse_robot_file
 from contid.trajectory.read import read_trajectory
-from contid.trajectory.timed import Trajectory
-from contid.trajectory.turns import MAX_NOTES, whole_turns
+from contid.trajectory.timed import MAX_NOTES, Trajectory, whole_turns
 
 
 def finger_with_wrist(limits_deg: str) -> LoadedFile:

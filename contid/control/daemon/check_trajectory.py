@@ -16,8 +16,7 @@ from contid.control.tick.preflight.rows import TooFastError, Unreachable
 from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile, load_named
 from contid.trajectory.read import read_trajectory
-from contid.trajectory.timed import Trajectory
-from contid.trajectory.turns import whole_turns
+from contid.trajectory.timed import Trajectory, whole_turns
 
 #: Share of rows that repeat the one before, from which on a tracker seems to have held its samples.
 _HELD: Final = 0.25

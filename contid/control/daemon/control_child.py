@@ -13,9 +13,8 @@ from contid.control.daemon.spawn import Spawned, spawn
 from contid.control.engine.messages import Estop, Finish, Hold, Play, Stop
 from contid.control.engine.tick_layout import RecordLayout
 from contid.control.process import ring
-from contid.control.process.pipe import frame, to_shared_memory
+from contid.control.process.pipe import RunSetup, frame, to_shared_memory
 from contid.control.process.ring_reader import RingReader
-from contid.control.process.setup import RunSetup
 from contid.control.process.shared_files import folder, sweep
 
 #: Bounds the daemon's memory when the control process does not read its pipe. Stops pass the bound: they are

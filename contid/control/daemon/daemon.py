@@ -40,8 +40,8 @@ from contid.control.engine.wiring import record_layout
 from contid.control.process.isolation.body import isolated
 from contid.control.process.isolation.model_threads import MeasuredTipsBeside, ModelThreads
 from contid.control.process.log_queue import LogQueue, handle_logs
+from contid.control.process.pipe import RunSetup
 from contid.control.process.ring_reader import RingReader
-from contid.control.process.setup import RunSetup
 from contid.robot_file.load import LoadedFile
 from contid.trajectory.timed import Trajectory
 

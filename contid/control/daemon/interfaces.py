@@ -17,7 +17,7 @@ from contid.control.engine.events import RunEvent
 from contid.control.engine.events.run import NoteWritten
 from contid.control.engine.messages import Message
 from contid.control.engine.tick_layout import TickRecord
-from contid.control.process.setup import RunSetup
+from contid.control.process.pipe import RunSetup
 from contid.control.tick.preflight.rows import Unreachable
 from contid.robot_file.load import LoadedFile
 

@@ -31,7 +31,7 @@ from contid.control.engine.virtual import Tee, run_virtual
 from contid.control.engine.wiring import build_robot_configs, record_layout
 from contid.control.process.isolation.model_ports import models_beside
 from contid.control.process.log_queue import LogQueue, handle_logs
-from contid.control.process.setup import RunSetup
+from contid.control.process.pipe import RunSetup
 from contid.control.process.tick_alarm import LONGEST_S
 from contid.control.tick.preflight.rows import Preflight
 from contid.errors import ContidError

@@ -25,8 +25,7 @@ from contid.robot_file.load import LoadedFile, load_named, with_mock
 from contid.robot_file.needs import require_extras
 from contid.robot_file.summary import feedback_line
 from contid.robot_file.tick_rate import rate_too_high, watchdog_too_short
-from contid.trajectory.timed import Trajectory
-from contid.trajectory.turns import whole_turns
+from contid.trajectory.timed import Trajectory, whole_turns
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

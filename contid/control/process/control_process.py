@@ -32,10 +32,9 @@ from contid.control.process.isolation.model_ports import begin_ticks, model_port
 from contid.control.process.isolation.port import IsolatedPort, isolated_ports
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.pace import Pace, PlannedStart
-from contid.control.process.pipe import Inbox
+from contid.control.process.pipe import Inbox, RunSetup
 from contid.control.process.realtime import disable_gc, request_real_time, sleep_until, warm_up
 from contid.control.process.ring_writer import RingWriter
-from contid.control.process.setup import RunSetup
 from contid.control.process.skip_cause import SkipCause
 from contid.control.process.tick_alarm import ProcessorWait, TickAlarm
 from contid.errors import ContidError

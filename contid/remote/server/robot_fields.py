@@ -8,16 +8,18 @@ commanded one are also ``bends``.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from contid.control.engine.measured_tip import measured_actuation, tip_in_world
-from contid.control.engine.tick_layout import HAS_TARGET, RobotRecord
+from contid.control.engine.staleness import staleness_of
+from contid.control.engine.tick_layout import HAS_TARGET, RecordLayout, RobotRecord, TickRecord
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.follow.expected_range import AxisResponse
 from contid.control.tick.limits import FLAG_NAMES
 from contid.control.tick.supervisor import Mode
 from contid.kinematics.model import Bending
+from contid.remote.protocol.wire import Fields
 from contid.robot_file.robot import RobotDescription
 from contid.targets import Vec3, load_or_zero
 from contid.trajectory.arc_columns import arc_values
@@ -131,3 +133,35 @@ def milliseconds(seconds: float) -> float | None:
 def finite(value: float) -> float | None:
     """The value; None when it is not finite, which JSON lacks."""
     return value if math.isfinite(value) else None
+
+
+def bus_health(
+    layout: RecordLayout, record: TickRecord, axes_of: Mapping[str, Sequence[str]], now_s: float
+) -> dict[str, Fields]:
+    """By bus the age of the data of its oldest axis, the tier of that age, and its silent axes.
+
+    The age is None before the first valid sample of every axis; an axis is silent that the newest exchange
+    did not read.
+
+    Args:
+        layout: of the record.
+        record: the newest one.
+        axes_of: axes by bus, as ``ROBOT.AXIS``.
+        now_s: the time now, on the clock of the record.
+    """
+    samples = {
+        f"{robot.name}.{axis}": sample
+        for robot, values in zip(layout.robots, record.robots, strict=True)
+        for axis, sample in zip(robot.axes, values.axes, strict=True)
+    }
+    health = {}
+    for bus, axes in axes_of.items():
+        read = {axis: samples[axis] for axis in axes if axis in samples}
+        ages = (math.inf if math.isnan(s.value) else now_s - s.time_s for s in read.values())
+        age_s = max(ages, default=math.inf)
+        health[bus] = {
+            "tier": staleness_of(age_s, 1.0 / layout.rate_hz).value,
+            "age_ms": milliseconds(max(age_s, 0.0)),
+            "silent": [axis for axis, sample in read.items() if sample.valid != 1.0],
+        }
+    return health

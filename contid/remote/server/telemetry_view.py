@@ -19,11 +19,11 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import PAGES, Fault
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
-from contid.remote.server.health import bus_health
 from contid.remote.server.robot_fields import (
     MODEL_FIELDS,
     PER_AXIS,
     bends_of,
+    bus_health,
     commanded,
     field_of,
     finite,

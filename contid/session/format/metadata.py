@@ -24,7 +24,7 @@ import numpy as np
 
 from contid import __version__, kernels
 from contid.control.engine.wiring import record_layout
-from contid.control.process.setup import RunSetup
+from contid.control.process.pipe import RunSetup
 from contid.control.tick.config import MOTION_RULES
 from contid.errors import ContidError
 from contid.hal import DeviceKind, load_driver

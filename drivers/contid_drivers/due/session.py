@@ -25,8 +25,7 @@ from contid_drivers.due.codes import (
 from contid_drivers.due.frames import DuePort, crc16
 from contid_drivers.due.messages import Answer, Configured, Hello, PulseTrace, Refused, Telemetry
 from contid_drivers.due.options import Bridge, DueBusOptions
-from contid_drivers.due.refused_value import refused_value
-from contid_drivers.due.wiring import Adc, axis_options, board_config, config_body
+from contid_drivers.due.wiring import Adc, axis_options, board_config, config_body, refused_value
 
 #: Bound of the drift of two crystals against each other, with their temperature (30 to 50 ppm each).
 DRIFT: Final = 100e-6

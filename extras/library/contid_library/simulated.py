@@ -19,7 +19,7 @@ from contid.control.engine.events import RunEvent
 from contid.control.engine.events.robots import OrderGiven
 from contid.control.engine.virtual import Tee, VirtualProcess
 from contid.control.engine.wiring import build_preflight, build_robot_configs, record_layout
-from contid.control.process.setup import RunSetup
+from contid.control.process.pipe import RunSetup
 from contid.control.tick.preflight.rows import Unreachable
 from contid.control.tick.supervisor import Mode
 from contid.errors import ContidError

@@ -10,7 +10,7 @@ from typing import Final
 
 from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.events import RunEvent
-from contid.control.process.setup import RunSetup
+from contid.control.process.pipe import RunSetup
 from contid.robot_file.load import LoadedFile
 from contid.session.format import mcap_records as mcap
 from contid.session.format.metadata import describe

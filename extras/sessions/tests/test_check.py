@@ -15,7 +15,7 @@ from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.events.robots import FaultLatched, ModeChanged, OrderGiven
 from contid.control.engine.tick_layout import SKIPPED, TICK
-from contid.control.process.setup import RunSetup
+from contid.control.process.pipe import RunSetup
 from contid.control.tick.supervisor import Mode
 from contid.errors import SessionError
 from contid.robot_file.load import load_robot_file, parse_robot_file, with_mock

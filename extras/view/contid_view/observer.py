@@ -15,7 +15,7 @@ from contid.control.engine.cycle import Sink
 from contid.control.engine.events import RunEvent
 from contid.control.engine.messages import Message
 from contid.control.engine.wiring import record_layout
-from contid.control.process.setup import RunSetup
+from contid.control.process.pipe import RunSetup
 from contid_view.frames import BATCH, Decimator
 from contid_view.view_target import ViewerJob, ViewTarget
 

@@ -10,8 +10,8 @@ import pytest
 
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.wiring import record_layout
+from contid.control.process.pipe import RunSetup
 from contid.control.process.ring import create
-from contid.control.process.setup import RunSetup
 from contid.robot_file.load import load_robot_file
 from contid_view.observer import ViewerObserver
 from contid_view.view_target import Kind, ViewTarget

@@ -19,10 +19,10 @@ import pytest
 
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.wiring import record_layout
+from contid.control.process.pipe import RunSetup
 from contid.control.process.ring import create
 from contid.control.process.ring_reader import RingReader
 from contid.control.process.ring_writer import RingWriter
-from contid.control.process.setup import RunSetup
 from contid.robot_file.load import load_robot_file
 from contid_view.csp_proxy import POLICY, CspProxy
 from contid_view.observer import ViewerObserver
