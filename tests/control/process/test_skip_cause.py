@@ -21,7 +21,7 @@ class Working:
         return self._job_s
 
 
-#: Durations in ms: rows and orders before the cycle, the model of a, the exchange of bus x in the tick, a late
+#: Durations in ms: rows and orders before it, the model of a, the exchange of bus x in the tick, a late
 #: wake-up, time that the thread ran, that it waited for a processor, and that the worker of y had a job.
 CASES = [
     ((0, 20, 0, 0, 20, 0, 0), "robot a: its model took 20 ms"),
