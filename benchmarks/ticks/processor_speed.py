@@ -1,6 +1,6 @@
 """How often the machine lowers the clock of its processors, which no waiting shows.
 
-``python -m benchmarks.processor_speed [SECONDS]``: a loop of known length at real-time priority, 250 times a
+``python -m benchmarks.ticks.processor_speed [SECONDS]``: a loop of known length at real-time priority, 250 times a
 second, on each processor in turn. A loop that works until a time is over, instead of a number of passes, does
 not see it.
 """
