@@ -1,7 +1,7 @@
 """Many robots on one live stream through stdin: skipped ticks and their causes, in real time.
 
-``python -m benchmarks.ticks.many_streams [NAME] [COUNT] [SECONDS] [ROWS_HZ]``: copies of the robot of a shipped
-file follow a path of 5 % of their ranges in 4 s; its rows come from a process of their own.
+``python -m benchmarks.ticks.many_streams [NAME] [COUNT] [SECONDS] [ROWS_HZ]``: copies of the robot of a file
+follow a path of 5 % of their ranges in 4 s; its rows come from a process of their own.
 """
 
 from __future__ import annotations

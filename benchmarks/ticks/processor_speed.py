@@ -1,8 +1,7 @@
 """How often the machine lowers the clock of its processors, which no waiting shows.
 
-``python -m benchmarks.ticks.processor_speed [SECONDS]``: a loop of known length at real-time priority, 250 times a
-second, on each processor in turn. A loop that works until a time is over, instead of a number of passes, does
-not see it.
+``python -m benchmarks.ticks.processor_speed [SECONDS]``: a loop of known length at real-time priority, 250
+times a second, on each processor in turn. A loop that works until a time is over does not see it.
 """
 
 from __future__ import annotations
