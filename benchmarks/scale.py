@@ -65,12 +65,12 @@ def many(name: str, count: int) -> LoadedFile:
     return parse_robot_file(yaml.safe_dump(data, sort_keys=False), f"{name}s.yaml")
 
 
-def tips(loaded: LoadedFile, seconds: float) -> str:
+def tips(loaded: LoadedFile, seconds: float, rows_hz: float = 20.0) -> str:
     """Every tip on a small closed path around the middle of its range, so that each tick solves the model."""
     configs = build_robot_configs(loaded, RATE_HZ)
     flat = configs[0].kind == "rack_finger"
     header, columns = ["t_s"], []
-    rows = max(int(seconds * 20), 20)
+    rows = max(int(seconds * rows_hz), 20)
     columns.append([seconds * row / (rows - 1) for row in range(rows)])
     for number, config in enumerate(configs):
         header += [f"{config.name}.{axis}_mm" for axis in ("xy" if flat else "xyz")]

@@ -124,6 +124,8 @@ class Engine:
         )
         self._recorder = RecordPacker(self.robots, self.exchange, records, now)
         self._buses = tuple(ports)
+        #: By index the bus of a robot that has all of its axes on one.
+        self._one_bus = [next(iter(on)) if len(on) == 1 else None for on in self.exchange.requests.axes_on]
         self._orders = OrderHandler(
             self.robots, self.selector, self.exchange, together, stages, sink, self._fail
         )
@@ -191,10 +193,13 @@ class Engine:
                 self._fail(stage, error, now_s)
                 self._tick_again(stage, outcomes, now_s)
         commands: dict[str, dict[str, float]] = {name: {} for name in self._buses}
-        bus_of = exchange.bus_of
+        bus_of, one_bus = exchange.bus_of, self._one_bus
         self._outcomes.end_replaced(timing.tick)
         for index, (config, outcome) in enumerate(zip(robots.configs, outcomes, strict=True)):
             self._outcomes.take(index, timing.tick, outcome, targets.get(config.name))
+            if (bus := one_bus[index]) is not None:
+                commands[bus].update(zip(config.axes, outcome.device, strict=False))
+                continue
             for axis, value in zip(config.axes, outcome.device, strict=False):
                 commands[bus_of[axis]][axis] = value
         # The commands of this tick are fixed: a stop that begins now begins at the time of the next.

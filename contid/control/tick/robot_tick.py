@@ -172,6 +172,12 @@ def stop_without_model(config: RobotConfig, failed: RobotState, now_s: float) ->
 def watched(config: RobotConfig, state: RobotState, samples: Sequence[Sample], now_s: float) -> RobotState:
     """The state after checking the samples: misses counted, faults latched."""
     misses = state.misses
+    for sample, stale_s in zip(samples, config.stale_s, strict=True):
+        if sample.fault or not sample.valid or sample.age_s > stale_s:
+            break
+    else:
+        if not any(misses):  # the usual case
+            return state
     if any(misses) or not all(sample.valid for sample in samples):
         misses = tuple(
             [0 if sample.valid else count + 1 for sample, count in zip(samples, misses, strict=True)]

@@ -1,9 +1,10 @@
 // contid.kernels._finger: one or many rows of a two-rack finger for Python.
-#include "finger.hpp"
 #include "../batch_python.hpp"
+#include "../python.hpp"
+#include "boundary.hpp"
 
 namespace nb = nanobind;
-using contid::Finger, contid::Matrix, contid::Table;
+using contid::Boundary, contid::Finger, contid::Matrix, contid::Table;
 
 namespace {
 
@@ -72,6 +73,24 @@ void shape(const Finger& self, double left, double right, Points out) {
   self.shape(racks, static_cast<int>(out.shape(0)), out.data());
 }
 
+void make_boundary(Boundary* self, const Finger& finger, nb::sequence pieces) {
+  std::vector<std::vector<double>> all;
+  for (const nb::handle piece : pieces) {
+    std::vector<double>& samples = all.emplace_back(nb::len(piece));
+    if (samples.size() < 2) throw nb::value_error("pieces: two samples or more in each");
+    contid::read(piece, samples.data(), static_cast<Py_ssize_t>(samples.size()), "pieces: numbers");
+  }
+  if (all.empty()) throw nb::value_error("pieces: one or more");
+  new (self) Boundary(finger, std::move(all));
+}
+
+// Racks of the point of the boundary whose tip is nearest; under the GIL.
+nb::tuple nearest(Boundary& self, double x, double y) {
+  double racks[2];
+  self.nearest(x, y, racks);
+  return nb::make_tuple(racks[0], racks[1]);
+}
+
 }  // namespace
 
 NB_MODULE(KERNEL_MODULE, module) {
@@ -87,4 +106,7 @@ NB_MODULE(KERNEL_MODULE, module) {
       .def("shape", &shape, nb::arg("left"), nb::arg("right"), nb::arg("out").noconvert())
       .def("forward_many", &forward_many, nb::arg("actuations"), nb::arg("out").noconvert(), nb::arg("threads"))
       .def("inverse_many", &inverse_many, nb::arg("tip"), nb::arg("out").noconvert(), nb::arg("threads"));
+  nb::class_<Boundary>(module, "Boundary")
+      .def("__init__", &make_boundary, nb::arg("finger"), nb::arg("pieces"))
+      .def("nearest", &nearest, nb::arg("x"), nb::arg("y"));
 }

@@ -168,6 +168,7 @@ void nearest_step(Grid slopes, Row along, double size, Row asked, double pace, R
 namespace contid {
 void bind_guard(nb::module_& module);
 void bind_motion(nb::module_& module);
+void bind_rows(nb::module_& module);
 }  // namespace contid
 
 NB_MODULE(KERNEL_MODULE, module) {
@@ -193,4 +194,5 @@ NB_MODULE(KERNEL_MODULE, module) {
       .def("greatest_excess", &greatest_excess, nb::arg("pulls"), nb::arg("lower"), nb::arg("upper"));
   contid::bind_guard(module);
   contid::bind_motion(module);
+  contid::bind_rows(module);
 }

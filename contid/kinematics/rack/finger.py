@@ -74,6 +74,8 @@ class RackFingerModel:
             self.envelope.length_min_m, self.envelope.length_max_m, self.envelope.curvature_max_per_m,
             self.envelope.arc_length_min_m,
         )  # fmt: skip
+        #: What is out of reach (``contid/kernels/finger/boundary.hpp``).
+        self._boundary: Any = load("finger").Boundary(self.kernel, self.envelope.pieces)
         self._rest_m = robot.section_lengths[0].rest_m
 
     def curvature_gain(self, arc_length_m: float) -> float:
@@ -192,7 +194,7 @@ class RackFingerModel:
 
     def _nearest(self, tip_m: Vec3, limits: tuple[str, ...], note: str) -> Solution:
         """The reachable point closest to a target out of reach: on the boundary of the limits."""
-        actuation = self.envelope.nearest(lambda racks: self.forward(racks).tip_m, (*tip_m[:2], 0.0))
+        actuation: Actuation = self._boundary.nearest(*tip_m[:2])
         residual = self._distance(actuation, tip_m)
         return Solution(
             actuation,

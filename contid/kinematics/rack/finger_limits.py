@@ -8,7 +8,7 @@ curvatures are an interval ``|k| <= K(S)``::
 k_max bounds the *actual* curvature (links touch), the racks bound the *commanded* one. Beyond a full turn,
 where a slender finger meets its own base, the inverse would not be unique. The region is the band between -K
 and K over S in [S_min, L_max]; the nearest reachable point is searched along its boundary, two curves and one
-edge.
+edge (``contid/kernels/finger/boundary.hpp``).
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final
 
-from contid.kinematics.rack.nearest_tip import nearest_on
-from contid.targets import Actuation, Vec3
+from contid.targets import Actuation
 from contid.units import m_to_mm
 
 # Rounding of the closed form, relative: a target exactly on a limit is inside it.
@@ -46,6 +45,7 @@ class RackFingerEnvelope:
         curvature_max_per_m: maximum actual curvature, either sign.
         arc_length_min_m: minimum S; towards S = 0 the curvature of a point is ill-conditioned.
         curvature_gain: actual over commanded curvature at an arc length.
+        pieces: samples along a side of the boundary, in pieces without a corner.
     """
 
     rack_spacing_m: float
@@ -54,10 +54,10 @@ class RackFingerEnvelope:
     curvature_max_per_m: float
     arc_length_min_m: float
     curvature_gain: Callable[[float], float]
-    _pieces: tuple[tuple[float, ...], ...] = field(init=False, repr=False)
+    pieces: tuple[tuple[float, ...], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Samples along a side of the boundary, in pieces without a corner: where `nearest` starts."""
+        """Find the samples, with which the search for the nearest point starts."""
         pieces, piece = [], [0.0]
         for low, high in pairwise(i / _COARSE for i in range(_COARSE + 1)):
             for _ in range(_CORNERS):
@@ -67,7 +67,7 @@ class RackFingerEnvelope:
                 pieces.append((*piece, *self._between(low, corner), corner))
                 piece, low = [corner], corner
             piece += [*self._between(low, high), high]
-        object.__setattr__(self, "_pieces", (*pieces, tuple(piece)))
+        object.__setattr__(self, "pieces", (*pieces, tuple(piece)))
 
     def racks(self, arc_length_m: float, commanded_per_m: float) -> tuple[float, float]:
         """Lengths of the left and the right rack [m]: ``L = S (1 -+ k w/2)``."""
@@ -189,10 +189,3 @@ class RackFingerEnvelope:
         yield from (out(i / points) for i in range(points))
         yield from (back(1.0 - i / points) for i in range(points))
         yield from (across(i / points) for i in range(points))
-
-    def nearest(self, tip_of: Callable[[Actuation], Vec3], goal: Vec3) -> Actuation:
-        """The point of the boundary whose tip is nearest; ties go to the first curve."""
-        boundary = tuple(self._boundary())
-        curves = [lambda u, racks=racks: tip_of(racks(u)) for racks in boundary]
-        number, u = nearest_on(curves, self._pieces, goal)
-        return boundary[number](u)

@@ -21,9 +21,10 @@ Melchiorri, "Trajectory Planning for Automatic Machines and Robots", Springer 20
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from contid.control.tick.config import MOTION_RULES
+from contid.kernels import load
 
 #: Coordinates of a target (`contid.control.engine.live.target_vector`).
 Vector: TypeAlias = tuple[float, ...]
@@ -44,31 +45,6 @@ _FARTHEST: Final = 25
 _MOST_BEND: Final = 0.25
 
 
-class _Return(NamedTuple):
-    """The way from a row that was expected and used to those that came.
-
-    Attributes:
-        number: of the last row that was used.
-        off: how far it was from the one that came.
-        rows: length of the way.
-    """
-
-    number: int
-    off: Vector
-    rows: float
-
-    def at(self, number: int) -> Vector:
-        """How far the curve is from the row of a number on this way; never farther than at its begin."""
-        x = (number - self.number) / self.rows
-        share = 1.0 - x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
-        return tuple([share * each for each in self.off])
-
-    def scaled(self, shares: Vector) -> _Return:
-        """The way with shares of its distance."""
-        off = tuple([a * b for a, b in zip(shares, self.off, strict=True)])
-        return self._replace(off=off)
-
-
 class RowCurve(dict[int, Vector]):
     """Rows by number, with those that it needs before they come, and the curve through them.
 
@@ -84,7 +60,9 @@ class RowCurve(dict[int, Vector]):
         self.last, self.before = row, row
         self._rules = rules
         self._period_s = 0.0
-        self._returns: list[_Return] = []
+        kernel = load("limiter")
+        self._ways: Any = kernel.RowWays(row, _MOST_RETURNS)
+        self._between: Any = kernel.between_rows
         self._came: dict[int, Vector] = {number: row}
         self._first = number
         self._oldest = row
@@ -112,28 +90,14 @@ class RowCurve(dict[int, Vector]):
         """A row comes; the one that was used in its place stays, and is left behind smoothly."""
         self._came[number] = row
         used = self.get(number)
-        self._returns = [each for each in self._returns if number - each.number < each.rows]
+        self._ways.forget(number)
         if used is None:
-            self[number] = _sum(row, self._off(number))
+            self[number] = self._ways.moved(row, number)
         elif self._rules > 3:
-            off = tuple([a - b for a, b in zip(used, row, strict=True)])
-            if self._rules < 6 or len(self._returns) == _MOST_RETURNS:
-                self._returns = []
-            left = self._off(number) or (0.0,) * len(row)
-            # A distance on its way goes on, but for what is left behind already: none leads past the rows.
-            kept = tuple([min(max(a / b, 0.0), 1.0) if b else 0.0 for a, b in zip(off, left, strict=True)])
-            added = tuple([a - share * b for a, b, share in zip(off, left, kept, strict=True)])
+            if self._rules < 6 or self._ways.full:
+                self._ways.clear()
             length = RETURN_S / self._period_s if self._period_s else 0.0
-            self._returns = [each.scaled(kept) for each in self._returns]
-            self._returns.append(_Return(number, added, max(_LEAST_RETURN, length)))
-
-    def _off(self, number: int) -> Vector | None:
-        """How far the curve is from the row of a number; None where it is on it."""
-        off = None
-        for way in self._returns:
-            if number - way.number < way.rows:
-                off = way.at(number) if off is None else _sum(off, way.at(number))
-        return off
+            self._ways.came(number, row, used, max(_LEAST_RETURN, length))
 
     def at(self, phase: float) -> Vector:
         """The curve at a phase; rows that it is made of are used."""
@@ -143,12 +107,8 @@ class RowCurve(dict[int, Vector]):
             self._forget(i - 1 - _KEPT)
         if p == q == r == s:
             return s
-        # The spline at a share u of the way between the two middle ones of four rows.
-        u = phase - i
-        v, uu, uuu = 1.0 - u, u * u, u * u * u
-        w0, w1 = v * v * v / 6.0, (4.0 - 6.0 * uu + 3.0 * uuu) / 6.0
-        w2, w3 = (1.0 + 3.0 * u + 3.0 * uu - 3.0 * uuu) / 6.0, uuu / 6.0
-        return tuple([w0 * a + w1 * b + w2 * c + w3 * d for a, b, c, d in zip(p, q, r, s, strict=True)])
+        at: Vector = self._between(p, q, r, s, phase - i)
+        return at
 
     def rests(self, phase: float) -> bool:
         """True where the curve stands on the newest row."""
@@ -173,7 +133,8 @@ class RowCurve(dict[int, Vector]):
         if self._rules > 5:  # rows before the first are none of the path
             over = min(over, (self.newest - self._first) // 2)
         row = straight if over == 0 else self._bent(straight, on, over)
-        return _sum(row, self._off(self.newest + on))
+        moved: Vector = self._ways.moved(row, self.newest + on)
+        return moved
 
     def _bent(self, straight: Vector, on: int, over: int) -> Vector:
         """The row ``on`` rows straight on, moved by the second difference of the last rows."""
@@ -197,11 +158,6 @@ class RowCurve(dict[int, Vector]):
             if row is not None:
                 self._oldest = row
             self._first += 1
-
-
-def _sum(row: Vector, off: Vector | None) -> Vector:
-    """A row and how far the curve is from it; None on it."""
-    return row if off is None else tuple([a + b for a, b in zip(row, off, strict=True)])
 
 
 def agreed(near: float, far: float) -> float:
