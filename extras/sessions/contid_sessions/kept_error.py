@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from typing import BinaryIO
 
 
@@ -10,7 +11,7 @@ class KeptError:
     """A file that keeps its first error, and from then on takes what comes and drops it.
 
     The library of Foxglove prints the error of a write and another one for every further message, and raises
-    one without the cause at the end.
+    one without the cause at the end. h5py raises it, and prints others while it closes.
 
     Attributes:
         error: the first one; None while there is none.
@@ -21,13 +22,9 @@ class KeptError:
         self._file = file
         self._at = self._end = file.tell()
 
-    def write(self, data: bytes | bytearray) -> int:
+    def write(self, data: bytes | bytearray | memoryview) -> int:
         """Write, or drop after an error."""
-        if self.error is None:
-            try:
-                self._file.write(data)
-            except OSError as error:
-                self.error = error
+        self._do(lambda: self._file.write(data))
         self._at += len(data)
         self._end = max(self._end, self._at)
         return len(data)
@@ -36,17 +33,34 @@ class KeptError:
         """Move, after an error in what the file would have been; returns the position."""
         begin = {os.SEEK_SET: 0, os.SEEK_CUR: self._at, os.SEEK_END: self._end}[whence]
         self._at = begin + offset
-        if self.error is None:
-            try:
-                self._file.seek(self._at)
-            except OSError as error:  # the buffer is written first
-                self.error = error
+        self._do(lambda: self._file.seek(self._at))  # the buffer is written first
         return self._at
+
+    def tell(self) -> int:
+        """The position."""
+        return self._at
+
+    def read(self, size: int) -> bytes:
+        """Read what was written; after an error zeros."""
+        found: list[bytes] = []
+        self._do(lambda: found.append(self._file.read(size)))
+        data = b"".join(found) or bytes(size)
+        self._at += len(data)
+        return data
+
+    def truncate(self, size: int) -> int:
+        """Set the length, unless there was an error."""
+        self._do(lambda: self._file.truncate(size))
+        self._end = size
+        return size
 
     def flush(self) -> None:
         """Write the buffer, unless there was an error."""
+        self._do(self._file.flush)
+
+    def _do(self, step: Callable[[], object]) -> None:
         if self.error is None:
             try:
-                self._file.flush()
+                step()
             except OSError as error:
                 self.error = error
