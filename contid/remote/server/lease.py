@@ -22,7 +22,7 @@ MAX_TIMEOUT_S: Final = 60.0
 #: The number and the name of the daemon's own input as a holder.
 INPUT_CLIENT: Final = 0
 INPUT: Final = "input"
-#: Most stops that are kept; the newest makes way for another. Two of different clients already bar every client.
+#: Most stops that are kept; the newest makes way for another. Two of different clients bar every client.
 MAX_STOPS: Final = 8
 
 
