@@ -48,7 +48,8 @@ def many(name: str, count: int) -> LoadedFile:
     """Copies of the one robot of a shipped file, on one simulated bus."""
     shipped = load_robot_file(find_robot_file(name))
     # Keys of the devices, which make way for those of simulated ones.
-    keys = {key for bus in shipped.buses.values() for key in load_driver(bus.driver).axis_options.model_fields}
+    drivers = {bus.driver for bus in shipped.buses.values()}
+    keys = {key for driver in drivers for key in load_driver(driver).axis_options.model_fields}
     axes = dict(axis for bus in with_mock(shipped).buses.values() for axis in bus.axes)
     ((own, robot),) = yaml.safe_load(shipped.text)["robots"].items()
     robots = {}

@@ -79,17 +79,15 @@ def _virtual(request: RunRequest) -> RunReport:
             sinks.append(observer.follow(setup))
             stack.callback(observer.detach)
         stack.enter_context(handle_logs(min(request.log_level, logging.INFO), SinkHandler(Tee(sinks))))
-        reader = rows = None
-        if isinstance(source, Stream):
-            reader = LiveRowReader(source, preflight_of(request, loaded))
-            rows = _rows(source, reader)
+        live = LiveRowReader(source, preflight_of(request, loaded)) if isinstance(source, Stream) else None
+        rows = _rows(source, live) if isinstance(source, Stream) and live is not None else None
         tips = MeasuredTips(build_robot_configs(loaded, rate_hz), record_layout(loaded, rate_hz))
         sinks.append(tips)
         report = run_virtual(loaded, rate_hz, timed, sinks=sinks, on_end=request.on_end, rows=rows)
     tips.complete(report.robots)
-    if reader is not None:
+    if live is not None:
         report.problems += outrun(report.robots)
-        reader.complete(report)
+        live.complete(report)
     return report
 
 

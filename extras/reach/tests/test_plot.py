@@ -111,7 +111,9 @@ def test_a_disk_that_gets_full_leaves_the_figure_that_was_there(
 
     monkeypatch.setattr("contid.whole_file.os.fsync", fail)
     with pytest.raises(ContidError, match=r"reach\.svg: cannot write it: No space left on device"):
-        save_plot(ReachReport(regions={"one": box(0.0, 0.0, 0.1, 0.1)}, areas_cm2={"one": 100.0}), path, "one")
+        save_plot(
+            ReachReport(regions={"one": box(0.0, 0.0, 0.1, 0.1)}, areas_cm2={"one": 100.0}), path, "one"
+        )
     assert path.read_text() == "the figure that was there"
 
 

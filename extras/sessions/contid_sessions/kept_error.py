@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import os
 from collections.abc import Callable
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 
-class KeptError:
+class KeptError(io.RawIOBase):
     """A file that keeps its first error, and from then on takes what comes and drops it.
 
     The library of Foxglove prints the error of a write and another one for every further message, and raises
@@ -18,11 +19,12 @@ class KeptError:
     """
 
     def __init__(self, file: BinaryIO) -> None:
+        super().__init__()
         self.error: OSError | None = None
         self._file = file
         self._at = self._end = file.tell()
 
-    def write(self, data: bytes | bytearray | memoryview) -> int:
+    def write(self, data: Any) -> int:
         """Write, or drop after an error."""
         self._do(lambda: self._file.write(data))
         self._at += len(data)
@@ -36,30 +38,27 @@ class KeptError:
         self._do(lambda: self._file.seek(self._at))  # the buffer is written first
         return self._at
 
-    def tell(self) -> int:
-        """The position."""
-        return self._at
-
-    def read(self, size: int) -> bytes:
-        """Read what was written; after an error zeros."""
+    def readinto(self, buffer: Any) -> int:
+        """Read what was written; after an error the buffer stays as it is."""
         found: list[bytes] = []
-        self._do(lambda: found.append(self._file.read(size)))
-        data = b"".join(found) or bytes(size)
-        self._at += len(data)
-        return data
+        self._do(lambda: found.append(self._file.read(len(buffer))))
+        for data in found:
+            buffer[: len(data)] = data
+            self._at += len(data)
+        return len(found[0]) if found else len(buffer)
 
-    def truncate(self, size: int) -> int:
+    def truncate(self, size: int | None = None) -> int:
         """Set the length, unless there was an error."""
-        self._do(lambda: self._file.truncate(size))
-        self._end = size
-        return size
+        self._end = self._at if size is None else size
+        self._do(lambda: self._file.truncate(self._end))
+        return self._end
 
     def flush(self) -> None:
         """Write the buffer, unless there was an error."""
         self._do(self._file.flush)
 
     def _do(self, step: Callable[[], object]) -> None:
-        if self.error is None:
+        if self.error is None and not self._file.closed:
             try:
                 step()
             except OSError as error:
