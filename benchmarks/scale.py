@@ -29,7 +29,7 @@ from contid.control.daemon.budget import ALLOWED
 from contid.control.engine.events import RunEvent
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.engine.wiring import build_robot_configs
-from contid.hal import Sample
+from contid.hal import Sample, load_driver
 from contid.robot_file.load import LoadedFile, find_robot_file, load_robot_file, parse_robot_file, with_mock
 from contid.trajectory.read import read_trajectory
 from contid_drivers.sim.bus import SimBus
@@ -46,19 +46,23 @@ HELD: Final = 0.005
 
 def many(name: str, count: int) -> LoadedFile:
     """Copies of the one robot of a shipped file, on one simulated bus."""
-    loaded = with_mock(load_robot_file(find_robot_file(name)))
-    raw = yaml.safe_load(loaded.text)
-    (robot,) = raw["robots"].values()
-    ((_, bus),) = loaded.buses.items()
-    keys = [key for key in dict(bus.axes[0][1]) if bus.axes[0][1].model_dump()[key] is not None]
+    shipped = load_robot_file(find_robot_file(name))
+    # Keys of the devices, which make way for those of simulated ones.
+    drivers = {bus.driver for bus in shipped.buses.values()}
+    keys = {key for driver in drivers for key in load_driver(driver).axis_options.model_fields}
+    axes = dict(axis for bus in with_mock(shipped).buses.values() for axis in bus.axes)
+    ((own, robot),) = yaml.safe_load(shipped.text)["robots"].items()
     robots = {}
     for number in range(count):
         one = copy.deepcopy(robot)
         one.pop("placeholder", None)
-        for (_, options), axis in zip(bus.axes, one["axes"].values(), strict=True):
-            for key in ("id", "channel", "power_up_deg", "homing"):
-                axis.pop(key, None)
-            axis |= {"bus": "sim", **{key: options.model_dump(mode="json")[key] for key in keys}}
+        for axis, entry in one["axes"].items():
+            options = axes[f"{own}.{axis}"].model_dump(mode="json", exclude_none=True)
+            one["axes"][axis] = {
+                "bus": "sim",
+                **{key: value for key, value in entry.items() if key not in {*keys, "bus"}},
+                **options,
+            }
         robots[f"r{number}"] = one
     data: dict[str, Any] = {"contid": 1, "name": name, "rate_hz": RATE_HZ}
     data |= {"buses": {"sim": {"driver": "sim"}}, "robots": robots}

@@ -29,6 +29,11 @@ def main() -> NoReturn:
         run()
     except KeyboardInterrupt:  # between the handler above and the one of the command
         sys.exit(INTERRUPTED)
+    except Exception as error:
+        # Code that is compiled makes an error of its own of Ctrl-C, as pydantic while its classes are built.
+        if "KeyboardInterrupt" not in str(error):
+            raise
+        sys.exit(INTERRUPTED)
     finally:
         # A further Ctrl-C would only add a traceback: the exit takes milliseconds.
         signal.signal(signal.SIGINT, signal.SIG_IGN)

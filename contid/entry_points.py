@@ -33,7 +33,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final
 
-from contid.errors import ContidError
+from contid.errors import MissingPackageError
 
 COMMANDS: Final = "contid.commands"
 OBSERVERS: Final = "contid.observers"
@@ -79,14 +79,14 @@ def required(group: str, name: str, what: str, extra: str) -> Any:
         extra: that has it.
 
     Raises:
-        ContidError: no installed package offers it.
+        MissingPackageError: no installed package offers it.
     """
     found = load_one(group, name)
     if found is None:
         package = (
             f"contid_{extra}, which is not installed; `pip install --force-reinstall contid` installs it"
         )
-        raise ContidError(f"{what} needs the package {package}")
+        raise MissingPackageError(f"{what} needs the package {package}")
     return found
 
 

@@ -58,6 +58,10 @@ class BadInputError(ContidError):
         super().__init__("\n".join(str(finding) for finding in self.findings))
 
 
+class MissingPackageError(ContidError):
+    """A package of `extras` is not installed; the message has what needs it, and the remedy."""
+
+
 class SessionError(ContidError):
     """A file is not a session, or not one that this version can read."""
 

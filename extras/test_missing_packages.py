@@ -126,7 +126,9 @@ def test_the_core_alone_runs_records_and_stops(core: Path) -> None:
     assert "daemon" in refused.stderr
 
 
-def test_a_simulated_body_without_its_package_is_refused(core: Path) -> None:
+@pytest.mark.parametrize("line", ["run arm.yaml --virtual --trajectory rows.csv", "run arm.yaml --mock"])
+def test_a_simulated_body_without_its_package_is_refused(line: str, core: Path) -> None:
+    """In real time the message came after another one, "the time of a tick was not measured"."""
     text = load_named("stiffflop2").text
     simulated = text.replace("    stop: {on_end", "    sim: {payload_g: 10}\n    stop: {on_end", 1)
     assert simulated != text
@@ -134,7 +136,7 @@ def test_a_simulated_body_without_its_package_is_refused(core: Path) -> None:
     names = ",".join(f"s{section}.p{number}_bar" for section in (1, 2) for number in (1, 2, 3))
     rows = "".join(f"{time_s},0.1,0.1,0.1,0.1,0.1,0.1\n" for time_s in (0.0, 0.2))
     (core / "rows.csv").write_text(f"t_s,{names}\n{rows}")
-    done = shell("contid run arm.yaml --virtual --trajectory rows.csv", core)
+    done = shell(f"contid {line}", core)
     assert done.returncode == 2
     assert done.stderr.strip() == (
         "contid: arm: its key `sim` needs the package contid_emulate, which is not installed; "
@@ -148,6 +150,8 @@ def test_a_simulated_body_without_its_package_is_refused(core: Path) -> None:
     [
         ("chain", "robots.rope: its model `chain` needs the package contid_ropes"),
         ("hand", "its key `clearance` needs the package contid_clearance"),
+        ("trunk", "robots.arm: its model `tendon.driven` needs the package contid_tendons"),
+        ("catheter", "robots.arm: its model `tendon.driven` needs the package contid_tendons"),
     ],
 )
 def test_a_file_whose_watch_is_missing_is_refused_before_a_device_is_opened(

@@ -77,7 +77,10 @@ def _run() -> int:
         cli.main(standalone_mode=False)
     except click.exceptions.Exit as done:
         return done.exit_code
-    except click.Abort:
+    except click.Abort as aborted:
+        if isinstance(aborted.__context__, EOFError):
+            print_error("stdin ended where an answer was expected; give the answers, or a terminal")
+            return 2
         return _interrupted()
     except click.ClickException as usage:
         with suppress(OSError):

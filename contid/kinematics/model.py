@@ -12,11 +12,11 @@ from importlib import import_module
 from typing import Final, Protocol, runtime_checkable
 
 from contid import kernels
-from contid.entry_points import SOLVERS, required
 from contid.kinematics.any_target import tolerate
 from contid.kinematics.array import Array
 from contid.kinematics.isolated_robot import IsolatedRobot
 from contid.robot_file.model_plugins import load_plugin
+from contid.robot_file.needs import load_solver
 from contid.robot_file.robot import RobotDescription
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3, Wrench6
 from contid.units import MM_PER_M
@@ -108,13 +108,6 @@ MODELS: Final[dict[str, str]] = {
     "tri_tube": "contid.kinematics.arc.section_model:SectionModel",
 }
 
-#: The same of extras, whose classes are entry points of the group ``contid.solvers``.
-SOLVED_BY: Final[dict[str, str]] = {
-    "tendon.driven": "tendons",
-    "tendon.rod": "tendons",
-    "tri_tube.ph": "ropes",
-}
-
 
 def build_model(robot: RobotDescription) -> Model:
     """The model of a robot description; imports only that one, and none that has a process of its own.
@@ -133,8 +126,7 @@ def build_model(robot: RobotDescription) -> Model:
         module, _, name = MODELS[robot.kinematics].partition(":")
         solver = getattr(import_module(module), name)
     else:
-        what = f"the model of a {robot.model} robot ({robot.kinematics})"
-        solver = required(SOLVERS, robot.kinematics, what, SOLVED_BY[robot.kinematics])
+        solver = load_solver(robot, "the model")
     model: Model = solver(robot)
     if robot.reach_tolerance_mm is not None:
         tolerate(model, robot.reach_tolerance_mm / MM_PER_M)

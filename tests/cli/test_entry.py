@@ -33,6 +33,23 @@ def test_an_interrupt_during_an_import_is_quiet(module: str) -> None:
     assert (done.returncode, done.stderr.strip()) == (130, "")
 
 
+def test_an_interrupt_of_which_compiled_code_made_an_error_is_quiet() -> None:
+    """pydantic showed one as a `SchemaError`, with its traceback and exit code 1."""
+    code = """
+import contid.cli.main, contid.entry, pydantic_core
+
+class Interrupted:
+    def __repr__(self):
+        raise KeyboardInterrupt
+
+values = {"type": "literal", "expected": [Interrupted()]}
+contid.cli.main.main = lambda: pydantic_core.SchemaValidator(values)
+contid.entry.main()
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr.strip()) == (130, "")
+
+
 def test_a_run_as_a_background_job_of_a_script_loses_no_interrupt(tmp_path: Path) -> None:
     """Shells start such jobs with SIGINT ignored; it came before the handlers of the run, and was lost."""
     arguments = ["contid.remote.server.server", "run", "finger", "--mock", "--socket", str(tmp_path / "s")]

@@ -64,6 +64,13 @@ def test_what_the_daemon_finds_is_named_with_file_and_line(
     assert rows.located(message) == named.format(path=path)
 
 
+def test_a_header_without_rows_is_no_move() -> None:
+    """`contid move` ended with exit code 0, and nothing had moved."""
+    _, rows = columns_and_rows(io.StringIO("x_mm,y_mm\n\n"))
+    with pytest.raises(ContidError, match="trajectory:1:1: no rows after the header"):
+        list(rows)
+
+
 def test_a_live_row_that_is_cut_off_is_not_followed() -> None:
     """As of `contid run`: a killed producer may leave ``50,7`` of ``50,75``."""
     text = io.StringIO("x_mm,y_mm\n50,75\n50,7")

@@ -68,6 +68,7 @@ class Daemon:
         self.unreachable = options.unreachable
         self.input_active = source is not None
         self._source = None if isinstance(source, PendingInput) else source
+        self._rows: LiveRowReader | None = None
         self._options = options
         self._child = child
         self._report = ReportBuilder(self.rate_hz)
@@ -243,7 +244,7 @@ class Daemon:
     async def _follow(self, stream: Stream) -> None:
         call, robots = self._models.call, self.loaded.driven
         preflight = await call(robots, preflight_of, self._options, self.loaded)
-        reader = LiveRowReader(stream, preflight)
+        self._rows = reader = LiveRowReader(stream, preflight)
 
         async def read(line: str, number: int) -> Message | None:
             # Of an input that was detached no model is asked, and nothing is reported.
@@ -332,5 +333,7 @@ class Daemon:
         self._tips.complete(self._report.report.robots)
         if isinstance(self._source, Stream):
             self._report.report.problems += outrun(self._report.report.robots)
+        if self._rows is not None:
+            self._rows.complete(self._report.report)
         if missed:
             self._report.problem(f"{missed} ticks are missing in the command log")

@@ -16,6 +16,7 @@ from typing import Final
 
 from contid.control.daemon.inputs import Stream
 from contid.control.engine.messages import Message, Rows
+from contid.control.engine.report import RunReport
 from contid.control.tick.preflight.rows import Preflight
 from contid.errors import BadInputError
 from contid.trajectory.lines import is_comment
@@ -43,7 +44,11 @@ def ends(stream: Stream, line: str, number: int) -> bool:
 
 
 class LiveRowReader:
-    """Turns the lines of a stream into checked rows."""
+    """Turns the lines of a stream into checked rows, and counts them.
+
+    Attributes:
+        rows, refused, followed: all, those that held a robot, those that gave a robot a target.
+    """
 
     def __init__(self, stream: Stream, preflight: Preflight | None) -> None:
         """Read a stream.
@@ -55,6 +60,7 @@ class LiveRowReader:
         self._name = stream.name
         self._parser = stream.parser
         self._preflight = preflight
+        self.rows = self.refused = self.followed = 0
 
     def row(self, line: str, number: int) -> Rows | None:
         """The row of a line, None for a comment; robots of a wrong row hold until their next good one."""
@@ -62,13 +68,27 @@ class LiveRowReader:
             row = self._parser.targets(line, number)
         except BadInputError as error:
             log.warning(f"{error}; holding")
+            self._count(refused=True, followed=False)
             return Rows(dict.fromkeys(self._parser.robots))
         if row is None:
             return None
         wrong = {} if self._preflight is None else self._preflight.row(row)
+        self._count(refused=bool(wrong), followed=len(wrong) < len(row))
         for message in dict.fromkeys(wrong.values()):  # one message for both arms of a chain
             log.warning(f"{self._name}:{number}:1: {message}; holding")
         return Rows({**row, **dict.fromkeys(wrong)})
+
+    def _count(self, refused: bool, followed: bool) -> None:
+        self.rows += 1
+        self.refused += refused
+        self.followed += followed
+
+    def complete(self, report: RunReport) -> None:
+        """Add what was refused to the report of a run; one that could follow no row has not succeeded."""
+        if self.refused:
+            report.problems.append(f"{self._name}: {self.refused} of {self.rows} rows held robots")
+        if not self.followed and not report.exit_code:
+            report.ending, report.exit_code = f"{self._name}: no row could be followed", 2
 
 
 class StreamFollower:

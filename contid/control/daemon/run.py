@@ -33,7 +33,6 @@ from contid.control.process.isolation.model_ports import models_beside
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.pipe import RunSetup
 from contid.control.process.tick_alarm import LONGEST_S
-from contid.control.tick.preflight.rows import Preflight
 from contid.errors import ContidError
 from contid.targets import Target
 from contid.trajectory.timed import Trajectory
@@ -80,24 +79,25 @@ def _virtual(request: RunRequest) -> RunReport:
             sinks.append(observer.follow(setup))
             stack.callback(observer.detach)
         stack.enter_context(handle_logs(min(request.log_level, logging.INFO), SinkHandler(Tee(sinks))))
-        rows = _rows(source, preflight_of(request, loaded)) if isinstance(source, Stream) else None
+        live = LiveRowReader(source, preflight_of(request, loaded)) if isinstance(source, Stream) else None
+        rows = _rows(source, live) if isinstance(source, Stream) and live is not None else None
         tips = MeasuredTips(build_robot_configs(loaded, rate_hz), record_layout(loaded, rate_hz))
         sinks.append(tips)
         report = run_virtual(loaded, rate_hz, timed, sinks=sinks, on_end=request.on_end, rows=rows)
     tips.complete(report.robots)
-    if rows is not None:
+    if live is not None:
         report.problems += outrun(report.robots)
+        live.complete(report)
     return report
 
 
-def _rows(stream: Stream, preflight: Preflight | None) -> Iterator[Mapping[str, Target | None]]:
+def _rows(stream: Stream, reader: LiveRowReader) -> Iterator[Mapping[str, Target | None]]:
     """Rows of a stream, blocking for each."""
-    rows = LiveRowReader(stream, preflight)
     with open(stream.descriptor, encoding="utf-8", errors="replace", closefd=False) as file:
         for number, line in chain(stream.pending, enumerate(file, stream.number + 1)):
             if ends(stream, line, number):
                 return
-            row = rows.row(line, number)
+            row = reader.row(line, number)
             if row is not None:
                 yield row.targets
 

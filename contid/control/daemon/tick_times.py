@@ -13,7 +13,7 @@ from typing import Final
 from contid.control.daemon.budget import Budget, TickCost
 from contid.control.daemon.measured_run import MOTIONS, MeasuredRun, measured_run
 from contid.control.engine.cycle import Sink
-from contid.errors import ContidError
+from contid.errors import ContidError, MissingPackageError
 from contid.robot_file.document import Isolation
 from contid.robot_file.load import LoadedFile
 from contid.robot_file.loader import robot_classes
@@ -86,7 +86,7 @@ def check_budget(loaded: LoadedFile, rate_hz: float, motion: str) -> None:
         motion: of `MOTIONS`, what the robots are to do.
 
     Raises:
-        ContidError: they do not fit.
+        ContidError: they do not fit, or simulated devices need a package that is not installed.
     """
     if not all(isinstance(robot, tuple(robot_classes().values())) for robot in loaded.driven.values()):
         return
@@ -98,6 +98,9 @@ def check_budget(loaded: LoadedFile, rate_hz: float, motion: str) -> None:
             if budget.highest_rate_hz < 0.5 * rate_hz:
                 break
     except Exception as error:  # what the robots do with it is theirs to find
+        simulated = any(bus.driver == "sim" for bus in loaded.buses.values())
+        if simulated and isinstance(error, MissingPackageError):
+            raise  # the run needs the package, too
         log.warning("the time of a tick was not measured: %s: %s", type(error).__name__, error)
         return
     raise ContidError(f"{loaded.path}: {budget.refusal()}")

@@ -69,7 +69,8 @@ def with_other_axes(
 class CsvRows:
     """The rows of a CSV, read lazily, and their lines.
 
-    Iterating raises a BadInputError with its place for a cell that is not a finite number.
+    Iterating raises a BadInputError with its place for a cell that is not a finite number, and where there is
+    no row.
     """
 
     def __init__(self, name: str, columns: Sequence[str], numbered: Iterator[tuple[int, str]]) -> None:
@@ -83,7 +84,11 @@ class CsvRows:
 
     def __next__(self) -> list[float]:
         """The next row."""
-        number, line = next(self._numbered)
+        number, line = next(self._numbered, (0, ""))
+        if not number and not self._lines:
+            raise BadInputError([Located(self._name, 1, 1, "no rows after the header")])
+        if not number:
+            raise StopIteration
         self._lines.append(number)
         live = self._name == "stdin" and not self._timed
         return _row(Located(self._name, number, 1, ""), line, self._columns, live)

@@ -22,7 +22,7 @@ MAX_TIMEOUT_S: Final = 60.0
 #: The number and the name of the daemon's own input as a holder.
 INPUT_CLIENT: Final = 0
 INPUT: Final = "input"
-#: Most stops that are kept by name. Two of different clients already bar every client.
+#: Most stops that are kept; the newest makes way for another. Two of different clients bar every client.
 MAX_STOPS: Final = 8
 
 
@@ -171,13 +171,15 @@ class Lease:
     def stop(self, by: int, message: str) -> LeaseHolder | None:
         """Note a stop; revokes the lease of another client, the input keeps it and pauses.
 
-        A stop removes no stop of another client.
+        It removes no stop of another client, but the newest of `MAX_STOPS`.
 
         Returns:
             The holder that lost the lease.
         """
-        if by in self._stops or len(self._stops) < MAX_STOPS:
-            self._stops[by] = ClientStop(message)
+        self._stops.pop(by, None)
+        if len(self._stops) == MAX_STOPS:
+            self._stops.popitem()
+        self._stops[by] = ClientStop(message)
         holder = self.holder
         if holder is None or holder.client in (INPUT_CLIENT, by):
             return None

@@ -163,7 +163,7 @@ def _answered(prompt: str, hold: Callable[[], object]) -> str:
         hold()
     line = answers.get()
     if not line:  # the end of stdin is no answer
-        raise click.Abort
+        raise click.Abort from EOFError()
     return line.strip()
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import pytest
 from click.testing import CliRunner
@@ -33,6 +35,15 @@ def test_a_command_for_one_servo_needs_a_port() -> None:
     done = CliRunner().invoke(command, ["blink", "1"])
     assert done.exit_code == 2
     assert "--port PORT" in done.output
+
+
+@pytest.mark.process
+def test_a_prompt_without_a_person_ends_with_a_message(contid: Callable[..., CompletedProcess[str]]) -> None:
+    """It ended with exit code 130, as after Ctrl-C, and without a word."""
+    contid("new", "mine", "--from", "finger")
+    done = contid("servo", "setup", "mine.yaml")
+    assert done.returncode == 2
+    assert "stdin ended where an answer was expected" in done.stderr
 
 
 def test_the_port_that_disappears_is_the_one(tmp_path: Path) -> None:

@@ -1,11 +1,12 @@
 """``python -m contid_learn.drive SOCKET ROBOT_FILE FILE GOAL [SECONDS]``: a policy as a client of a daemon.
 
 It ends with the run, whose other end of its stdin is closed then. Its exit code is 0 when the run ended, or
-when its time is over.
+when its time is over; 1 when it could not go on; 2 for arguments or a policy that are wrong.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import threading
@@ -108,12 +109,35 @@ def _note(message: str) -> None:
     print(f"contid: policy: {message}", file=sys.stderr, flush=True)  # noqa: T201
 
 
+def _seconds(text: str) -> float:
+    """The time of a policy.
+
+    Raises:
+        ContidError: no number, or not above 0.
+    """
+    try:
+        found = float(text)
+    except ValueError:
+        found = math.nan
+    if not 0.0 < found < math.inf:
+        raise ContidError(f"SECONDS: {text!r}; allowed: a number above 0")
+    return found
+
+
 def main(arguments: list[str]) -> int:
     """The exit code."""
+    if not 4 <= len(arguments) <= 5:
+        _note("usage: python -m contid_learn.drive SOCKET ROBOT_FILE FILE GOAL [SECONDS]")
+        return 2
     socket, robot_file, file, goal, *rest = arguments
     threading.Thread(target=_watch_stdin, daemon=True).start()
     try:
-        drive(Path(socket), load_drive(robot_file, file, goal), float(rest[0]) if rest else None)
+        driven, duration_s = load_drive(robot_file, file, goal), _seconds(rest[0]) if rest else None
+    except ContidError as error:
+        _note(f"{error}; nothing was moved")
+        return 2
+    try:
+        drive(Path(socket), driven, duration_s)
     except (ContidError, RemoteError, ConnectionLostError) as error:
         time.sleep(4 * LOOK_S)  # a run that ends closes stdin at about the same time
         if _ended.is_set() or (isinstance(error, RemoteError) and error.code == Code.STOPPED):

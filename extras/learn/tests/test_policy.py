@@ -17,7 +17,7 @@ from contid import Robot, Sim
 from contid.errors import ContidError
 from contid.remote.client.servo import ServoState
 from contid_learn import Policy, PolicyAbout, write_policy
-from contid_learn.drive import load_drive
+from contid_learn.drive import load_drive, main
 from contid_learn.goals import parse_goal
 from contid_learn.policy_loop import PolicyLoop
 from contid_learn.views import RobotView, views_of
@@ -256,3 +256,24 @@ def test_a_goal_names_every_column_of_its_robots(tmp_path: Path) -> None:
         load_drive("finger", file, "x_mm=3")
     with pytest.raises(ContidError, match="no column z_mm for these robots"):
         load_drive("finger", file, "x_mm=3,y_mm=80,z_mm=1")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("socket finger", "usage: python -m contid_learn.drive SOCKET ROBOT_FILE FILE GOAL [SECONDS]"),
+        ("socket nosuch p.onnx x_mm=1,y_mm=2", "nosuch: no such file"),
+        ("socket finger p.onnx x_mm=30,y_mm=85 soon", "SECONDS: 'soon'; allowed: a number above 0"),
+    ],
+)
+def test_wrong_arguments_are_named(
+    arguments: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """Also where the run has ended meanwhile, which excused every error; too few were a `ValueError`."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("contid_learn.drive._watch_stdin", lambda: None)
+    monkeypatch.setattr("contid_learn.drive._ended.is_set", lambda: True)
+    written(tmp_path / "p.onnx")
+    assert main(arguments.split()) == 2
+    assert message in capsys.readouterr().err

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from contid.units import MM_PER_M
+from contid.whole_file import replacing
 from contid_reach.planar import overlapping
 from contid_reach.report import ReachReport
 
@@ -35,7 +36,8 @@ def save_plot(report: ReachReport, path: Path, title: str) -> None:
     else:
         _draw_volumes(figure.subplots(1, 2), report)
     figure.legend(loc="outside lower center", ncols=3, fontsize="small")
-    figure.savefig(path, dpi=110)
+    with replacing(path) as file:
+        figure.savefig(file, format=path.suffix[1:], dpi=110)
 
 
 def _draw_regions(axes: Any, report: ReachReport) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.units import MM_PER_M
+from contid.whole_file import replacing
 from contid_reach.quality import UNITS, QualityMap
 
 
@@ -37,7 +38,8 @@ def save_quality_plot(maps: Mapping[str, QualityMap], path: Path, title: str) ->
         unit = UNITS[each.measure][0]
         label = f"{each.measure} [{unit}]" if unit else str(each.measure)
         figure.colorbar(drawn, ax=list(row), label=label, extend="both")
-    figure.savefig(path, dpi=110)
+    with replacing(path) as file:
+        figure.savefig(file, format=path.suffix[1:], dpi=110)
 
 
 def section(found: QualityMap, across: int, up: int) -> tuple[Array, Array, Array, str]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
+import os
 from io import BytesIO
 from pathlib import Path
 
@@ -12,6 +14,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 from shapely import box
 
+from contid.errors import ContidError
 from contid_reach.planar import area_cm2, overlapping
 from contid_reach.plot import save_plot, silhouette, volume_text
 from contid_reach.report import ReachReport, with_unit
@@ -94,6 +97,24 @@ def test_more_robots_than_colours_are_drawn_too(
     )
     save_plot(report, tmp_path / "six.png", "six")
     assert [label.partition(":")[0] for label in shown] == [*regions] + ["r4 and r5"] * planar
+
+
+def test_a_disk_that_gets_full_leaves_the_figure_that_was_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was cut to nothing, and the message did not name it."""
+    path = tmp_path / "reach.svg"
+    path.write_text("the figure that was there")
+
+    def fail(*arguments: object, **keys: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("contid.whole_file.os.fsync", fail)
+    with pytest.raises(ContidError, match=r"reach\.svg: cannot write it: No space left on device"):
+        save_plot(
+            ReachReport(regions={"one": box(0.0, 0.0, 0.1, 0.1)}, areas_cm2={"one": 100.0}), path, "one"
+        )
+    assert path.read_text() == "the figure that was there"
 
 
 def _labels(figure: Figure) -> list[str]:

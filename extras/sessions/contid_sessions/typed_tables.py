@@ -14,6 +14,7 @@ from contid.control.engine.events import RunEvent
 from contid.control.engine.events.json_form import to_json
 from contid.session.read import Session
 from contid.whole_file import replacing
+from contid_sessions.kept_error import KeptError
 from contid_sessions.table import TickTable
 
 #: Group of the times of the ticks.
@@ -54,10 +55,19 @@ def export_hdf5(session: Session, path: Path) -> None:
     Raises:
         ContidError: the file cannot be written.
     """
+    with replacing(path) as binary:
+        kept = KeptError(binary)
+        _write_hdf5(session, kept)
+        if kept.error is not None:
+            raise kept.error
+
+
+def _write_hdf5(session: Session, kept: KeptError) -> None:
+    """Write until the end or an error."""
     import h5py
 
     table = TickTable(session)
-    with replacing(path) as binary, h5py.File(binary, "w") as file:
+    with h5py.File(kept, "w") as file:
         file.attrs["contid"] = contid.__version__
         file.attrs["session"] = session.path.name
         file.attrs["rate_hz"] = session.rate_hz
@@ -74,6 +84,8 @@ def export_hdf5(session: Session, path: Path) -> None:
             events.append((t_s, json.dumps(to_json(event))))
 
         for block in table.blocks(keep_event):
+            if kept.error is not None:
+                return
             for dataset, values in zip(columns, table.series(block).values(), strict=True):
                 dataset.resize((len(dataset) + len(values),))
                 dataset[-len(values) :] = values

@@ -9,6 +9,8 @@ from __future__ import annotations
 import csv
 import json
 import math
+import subprocess
+import sys
 from pathlib import Path
 
 import h5py
@@ -85,6 +87,26 @@ def test_parquet_has_the_columns_of_the_csv_with_types(exported: Path, table: pd
     for name in table.columns:
         tolerance = 1e-6 if name == "unix_s" else 0.0
         np.testing.assert_allclose(frame[name], table[name], rtol=0.0, atol=tolerance, err_msg=name)
+
+
+def test_a_disk_that_gets_full_is_one_message_and_leaves_the_file_that_was_there(file: Path) -> None:
+    """h5py printed a traceback for each dataset while it closed."""
+    with Sim("finger", record=file.with_name("short.mcap")) as sim:
+        for _ in range(300):
+            sim.step({"left_mm": 51.0, "right_mm": 51.0})
+    out = file.with_name("full.h5")
+    out.write_text("the file that was there")
+    code = (
+        "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))\n"
+        "from contid.entry import main; main()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "session", "export", "short.mcap", "--hdf5", out.name],
+        cwd=file.parent, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr == "contid: full.h5: cannot write it: File too large\n"
+    assert out.read_text() == "the file that was there"
 
 
 def test_hdf5_has_a_group_per_channel_and_the_events(exported: Path, table: pd.DataFrame) -> None:

@@ -21,11 +21,11 @@ from contid.kinematics.array import Array
 from contid.robot_file.load import LoadedFile
 from contid.targets import Actuation, load_or_zero
 from contid.units import MM_PER_M
+from contid_sessions.kept_error import KeptError
 from contid_view.body import SolidBody, quaternion_of
 from contid_view.colours import PLATE, ROPE, TARGET, Colour, of_robot
 from contid_view.event_line import event_line
 from contid_view.frames import FRAMES_HZ
-from contid_view.kept_error import KeptError
 from contid_view.robot_scene import RobotDrawing, RobotScene
 from contid_view.scene import Scene, build_scene, rope_line
 

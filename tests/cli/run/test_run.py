@@ -134,9 +134,26 @@ def test_a_stream_that_ends_on_a_bad_row_reports_it_and_does_not_follow_it(
     assert done.returncode == 0, done.stderr
     assert "stdin:3:" in done.stderr
     assert message in done.stderr
+    assert ("stdin: 1 of 2 rows held robots" in done.stdout) == (message == "holding")
     head, *lines = [line.split(",") for line in log.read_text().splitlines()]
     commands = [cell for line in lines if (cell := line[head.index("f0.right.command")])]
     assert all(float(command) > 0.05 for command in commands)
+
+
+@pytest.mark.parametrize(
+    ("rows", "refused"), [("", 0), ("\n", 0), ("50,7", 0), ("999,75\nx,75\n", 2)], ids=repr
+)
+@pytest.mark.parametrize("virtual", [False, True], ids=["real", "virtual"])
+def test_a_stream_of_which_no_row_could_be_followed_is_no_success(
+    rows: str, refused: int, virtual: bool, robot: Callable[..., Path]
+) -> None:
+    """The robots had not moved, and the exit code was 0."""
+    given = "f0.left_mm,f0.right_mm\n" + rows
+    done = contid("run", str(robot(1)), "--json", *(["--virtual"] if virtual else []), stdin=given)
+    report = json.loads(done.stdout)
+    assert (done.returncode, report["exit_code"]) == (2, 2)
+    assert report["ending"] == "stdin: no row could be followed"
+    assert report["problems"] == ([f"stdin: {refused} of {refused} rows held robots"] if refused else [])
 
 
 def test_a_device_that_is_not_there_is_exit_code_4(robot: Callable[..., Path]) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import pytest
 
 from contid.remote.protocol.wire import Code, RemoteError
-from contid.remote.server.lease import ClientStop, Lease
+from contid.remote.server.lease import MAX_STOPS, ClientStop, Lease
 
 
 def test_the_lease_has_one_holder_and_an_explicit_takeover() -> None:
@@ -136,3 +136,16 @@ def test_who_acquires_unless_stopped_has_not_moved_yet() -> None:
         lease.require(2, "script", 0.2)
     lease.acquire(2, "script", 0.3)
     assert lease.stopped_by == ""
+
+
+def test_a_stop_during_a_resume_stands_however_many_came_before() -> None:
+    """The ninth was not noted; the end of the resume then left none, and any script could move."""
+    lease = Lease(0.0, input_active=False)
+    for client in range(1, MAX_STOPS + 1):
+        lease.stop(client, f"client {client}")
+    stood = lease.allow(50, 1.0, after_stop=True)
+    lease.stop(99, "client 99")
+    for client, stop in stood.items():
+        lease.end_stop(client, stop)
+    with pytest.raises(RemoteError, match="client 99 stopped the robots"):
+        lease.require(50, "script", 2.0)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from contid.whole_file import replacing
 from contid_fit.calibrate.curvature import CurvatureFit
 
 
@@ -29,4 +30,5 @@ def plot_curvature(path: Path, fit: CurvatureFit) -> None:
     right.plot(grid, fit.a_per_mm * grid + fit.b, label=f"{fit.a_per_mm:.5f} S {fit.b:+.4f}")
     right.set(xlabel="arc length S [mm]", ylabel="epsilon = k/k_d - 1")
     right.legend()
-    figure.savefig(path, dpi=110)
+    with replacing(path) as file:
+        figure.savefig(file, format=path.suffix[1:], dpi=110)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from contid.kinematics.cosserat.section import Section
+from contid.whole_file import replacing
 from contid_fit.calibrate.elongation_data import ElongationReading, elongations
 from contid_fit.calibrate.modulus import ModulusFit, axial_stress_pa
 
@@ -35,4 +36,5 @@ def plot_fits(
     left.set(xlabel="average pressure [bar]", ylabel="elongation [mm]")
     right.set(xlabel="average pressure [bar]", ylabel="modulus [kPa]")
     left.legend()
-    figure.savefig(path)
+    with replacing(path) as file:
+        figure.savefig(file, format=path.suffix[1:])

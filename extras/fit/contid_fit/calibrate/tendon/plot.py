@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from contid.whole_file import replacing
 from contid_fit.calibrate.tendon.recording import TendonRecording
 from contid_fit.calibrate.tendon.stages import Stage
 
@@ -45,4 +46,5 @@ def plot_stages(path: Path, stages: Sequence[Stage], both: TendonRecording) -> N
         tip_axes.plot(predicted[:, column], color=line.get_color(), lw=0.9, label=f"{name} predicted")
     tip_axes.set(xlabel="row kept out" if training_rows < len(both) else "row", ylabel="tip [mm]")
     tip_axes.legend()
-    figure.savefig(path)
+    with replacing(path) as file:
+        figure.savefig(file, format=path.suffix[1:])
