@@ -1,6 +1,6 @@
 """A tip in motion as numbers: what a robot does with its commands, for any commands and any payload.
 
-    x_j(t) = command j, late by its dead time, behind a body of one mode of its own
+    x_j(t) = command j behind its play, late by its dead time, behind a body of one mode of its own
     tip(t) = bent(clip(x), s) + (w + s v) . monomials(clip(x)),   s = m / (1 + m / m0),   m: payload
 
 The swing is in the axes and the map behind it (Wiener). Monomials are clamped to the range of the recordings
@@ -21,6 +21,7 @@ from contid.kinematics.array import Array
 from contid_identify.answer import checked_commands, smoothly_between
 from contid_identify.remembered import RememberedMotion
 from contid_identify.sections.bent import BentSections
+from contid_identify.sections.play import NO_PLAY, Play
 from contid_identify.tip_answer import monomials, swing
 
 #: Inputs are clamped this share of their range beyond it.
@@ -132,6 +133,7 @@ class TipMotion:
         halves: how sure dead times, frequencies and ratios are.
         remembered: what is added to the map where commands of the recordings come again, or None.
         bent: bends of the sections, which the monomials correct; None: the monomials are all.
+        play: of every axis, about ``centre``.
     """
 
     robot: str
@@ -156,6 +158,7 @@ class TipMotion:
     remembered: RememberedMotion | None = None
     memory_step_s: float = OLD_STEP_S
     bent: BentSections | None = None
+    play: Play = NO_PLAY
 
     def predict(self, sent: Array, period_s: float, at_s: Array | None = None, load_kg: float = 0.0) -> Array:
         """Tips ``(samples, 3)`` [m] in the base frame, from commands alone; the robot rests before.
@@ -188,7 +191,8 @@ class TipMotion:
     def inputs(self, sent: Array, period_s: float, at_s: Array, load_kg: float) -> Array:
         """What the map acts on at times ``at_s``: ``(samples, inputs)``, not clamped."""
         hz = self.frequency_hz * np.exp(-self.softer_per_kg * self.effect_kg(load_kg))
-        return swung(sent, period_s, at_s, self.delay_s, hz, self.ratio, self.centre) @ self.turns.T
+        moved = self.play.behind(sent - self.centre)
+        return swung(moved, period_s, at_s, self.delay_s, hz, self.ratio) @ self.turns.T
 
     def tips(self, inputs: Array, load_kg: float) -> Array:
         """Tips ``(samples, 3)`` [m] of inputs of the map."""
@@ -231,12 +235,10 @@ def features(inputs: Array, low: Array, high: Array, degree: int) -> Array:
     return np.column_stack([np.ones(len(within)), monomials(within, degree)])
 
 
-def swung(
-    sent: Array, period_s: float, at_s: Array, delay_s: Array, hz: Array, ratio: Array, centre: Array
-) -> Array:
-    """Commands about a centre, late and behind one mode each, at times ``at_s``; ``(samples, axes)``."""
-    out = np.empty((len(at_s), sent.shape[1]))
-    for j in range(sent.shape[1]):
-        values = swing(sent[:, j : j + 1] - centre[j], period_s, float(hz[j]), float(ratio[j]))
+def swung(moved: Array, period_s: float, at_s: Array, delay_s: Array, hz: Array, ratio: Array) -> Array:
+    """Axes ``(ticks, axes)``, late and behind one mode each, at times ``at_s``; ``(samples, axes)``."""
+    out = np.empty((len(at_s), moved.shape[1]))
+    for j in range(moved.shape[1]):
+        values = swing(moved[:, j : j + 1], period_s, float(hz[j]), float(ratio[j]))
         out[:, j] = smoothly_between(values, (at_s - delay_s[j]) / period_s)[:, 0]
     return out

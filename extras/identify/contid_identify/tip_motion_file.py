@@ -15,6 +15,7 @@ from contid.kinematics.array import Array
 from contid.whole_file import replacing
 from contid_identify.remembered import RememberedMotion
 from contid_identify.sections.bent import BentSections
+from contid_identify.sections.play import NO_PLAY, Play
 from contid_identify.tip_motion import (
     AGES,
     OLD_STEP_S,
@@ -38,6 +39,7 @@ def write_tip_motion(model: TipMotion, path: Path) -> None:
     data: dict[str, Any] = {
         **common_of(model, _FORMAT),
         "degree": model.degree,
+        "play": model.play._asdict(),
         "softer_per_kg": model.softer_per_kg,
         "less_per_kg": model.less_per_kg,
         "loads_kg": list(model.loads_kg),
@@ -151,7 +153,8 @@ def tip_motion_of(data: dict[str, Any], path: str | Path) -> TipMotion:
         matrices = {name: np.array(data[name], dtype=float) for name in _MATRICES}
         degree = int(data["degree"])
         low_kg, high_kg = map(float, data["loads_kg"])
-        # Files of before have no intervals, and nothing is remembered.
+        # Files of before have no play and no intervals, and nothing is remembered.
+        play = Play(**{name: float(value) for name, value in data.get("play", NO_PLAY._asdict()).items()})
         given = data.get("halves", {})
         halves = SwingHalves(*(math.inf if (v := given.get(k)) is None else float(v) for k in _HALVES))
         model = TipMotion(
@@ -159,7 +162,7 @@ def tip_motion_of(data: dict[str, Any], path: str | Path) -> TipMotion:
             less_per_kg=float(data["less_per_kg"]),
             loads_kg=(low_kg, high_kg), errors=errors_of(data), source=str(data["source"]), halves=halves,
             remembered=remembered_in(data, AGES * len(matrices["turns"])), memory_step_s=step_in(data),
-            bent=_bent_in(data, len(axes), len(matrices["turns"])), **vectors, **matrices,
+            bent=_bent_in(data, len(axes), len(matrices["turns"])), play=play, **vectors, **matrices,
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as error:
         raise ContidError(f"{path}: {error!r} where a number or a key should be; {_REMEDY}") from None
@@ -215,5 +218,7 @@ def _check(model: TipMotion, path: str | Path) -> None:
                 f"{path}: {name} has shape {values.shape} or numbers that are not finite; needed: {shape}; "
                 f"{_REMEDY}"
             )
+    if not all(0.0 <= each < math.inf for each in model.play):
+        raise ContidError(f"{path}: play is {model.play}; allowed: 0 and more, finite; {_REMEDY}")
     if not model.errors or not (model.frequency_hz > 0.0).all():
         raise ContidError(f"{path}: no errors, or a frequency that is not above 0; {_REMEDY}")
