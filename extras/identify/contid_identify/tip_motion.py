@@ -134,6 +134,7 @@ class TipMotion:
         remembered: what is added to the map where commands of the recordings come again, or None.
         bent: bends of the sections, which the monomials correct; None: the monomials are all.
         play: of every axis, about ``centre``.
+        near: what is added to the map by free bends near those of the recordings, or None.
     """
 
     robot: str
@@ -159,6 +160,7 @@ class TipMotion:
     memory_step_s: float = OLD_STEP_S
     bent: BentSections | None = None
     play: Play = NO_PLAY
+    near: RememberedMotion | None = None
 
     def predict(self, sent: Array, period_s: float, at_s: Array | None = None, load_kg: float = 0.0) -> Array:
         """Tips ``(samples, 3)`` [m] in the base frame, from commands alone; the robot rests before.
@@ -174,7 +176,10 @@ class TipMotion:
         """
         sent = checked_commands(sent, period_s, self.robot, len(self.axes))
         at_s = np.arange(float(len(sent))) * period_s if at_s is None else at_s
-        tips = self.tips(self.inputs(sent, period_s, at_s, load_kg), load_kg)
+        inputs = self.inputs(sent, period_s, at_s, load_kg)
+        tips = self.tips(inputs, load_kg)
+        if self.near is not None:
+            tips += self.near.added(self.free_bends(inputs), self.load_share(load_kg))
         if self.remembered is not None:
             states = self.states(sent, period_s, at_s, load_kg)
             tips += self.remembered.added(states, self.load_share(load_kg))
@@ -183,6 +188,13 @@ class TipMotion:
     def states(self, sent: Array, period_s: float, at_s: Array, load_kg: float) -> Array:
         """Inputs of the map now and before, by which recordings are remembered; ``(samples, states)``."""
         return np.hstack([self.inputs(sent, period_s, at_s - ago_s, load_kg) for ago_s in _AGO_S])
+
+    def free_bends(self, inputs: Array) -> Array:
+        """Bends ``(samples, 2 sections)`` [rad] as if sections were free, none without sections."""
+        if self.bent is None:
+            return np.zeros((len(inputs), 0))
+        axes = clamped(inputs, self.low, self.high) @ self.bent.axes_by_inputs.T
+        return self.bent.free(axes).reshape(len(inputs), -1)
 
     def load_share(self, load_kg: float) -> float:
         """A payload as a share of the greatest one of the recordings."""

@@ -66,13 +66,12 @@ def fit_tip_motion(
     def numbers() -> TipMotion:
         delay_s, log_hz, log_ratio = rows.of_axes(own)
         weights, load_weights = tip_map.map_of(own, degree, penalty)
-        found = TipMotion(
+        return tip_map.corrected(TipMotion(
             robot, names, delay_s, np.exp(log_hz), np.exp(log_ratio), rows.softer(own), rows.less(own),
             rows.centre, rows.turns, *rows.range_of(own), degree, weights, load_weights,
             (min(loads), max(loads)), np.zeros(1), (), source, halves, bent=tip_map.bent,
             play=rows.play_of(own),
-        )  # fmt: skip
-        return replace(found, remembered=tip_map.remembered(found))
+        ))  # fmt: skip
 
     step_s = step_of([each.trace.at_s for each in traces])
     memory = memory_of(tip_map.left_out(own, degree, penalty, step_s), step_s)
