@@ -225,7 +225,9 @@ def _check(model: TipMotion, path: str | Path) -> None:
                 f"{path}: {name} has shape {values.shape} or numbers that are not finite; needed: {shape}; "
                 f"{_REMEDY}"
             )
-    if not all(0.0 <= each < math.inf for each in model.play):
-        raise ContidError(f"{path}: play is {model.play}; allowed: 0 and more, finite; {_REMEDY}")
+    if not (0.0 <= model.play.half < math.inf and 0.0 <= model.play.share < 1.0):
+        raise ContidError(
+            f"{path}: play is {model.play._asdict()}; half is 0 or more, share from 0 to below 1; {_REMEDY}"
+        )
     if not model.errors or not (model.frequency_hz > 0.0).all():
         raise ContidError(f"{path}: no errors, or a frequency that is not above 0; {_REMEDY}")

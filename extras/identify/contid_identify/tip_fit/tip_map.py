@@ -60,19 +60,29 @@ class TipMap:
 
     def left_out_squared(self, parameters: Array, degree: int, penalty: float) -> float:
         """Sum of the squared errors of left-out folds [m^2]."""
-        return float((self._fold_errors(parameters, degree, [penalty])[0] ** 2).sum())
+        return float(self.left_out_by_block(parameters, degree, penalty).sum())
+
+    def left_out_by_block(self, parameters: Array, degree: int, penalty: float) -> Array:
+        """The same of each block of time ``(blocks,)`` [m^2]."""
+        (errors,) = self._fold_errors(parameters, degree, [penalty])
+        _, number = np.unique(self._blocks(self._given.rows), return_inverse=True)
+        return np.bincount(number, weights=(errors**2).sum(axis=1)).astype(float)
+
+    def _blocks(self, rows: Rows) -> Array:
+        return np.concatenate(
+            [
+                1000 * k + split.blocks[own]
+                for k, (split, own) in enumerate(zip(self._given.splits, rows, strict=True))
+            ]
+        )
 
     def data(self, parameters: Array, rows: Rows) -> LoadedInputs:
         """Rows as the fit of bends takes them."""
         inputs, low, high = self._given.inputs(parameters, rows), *self._given.range_of(parameters)
         effects = [np.full(len(x), s) for x, s in zip(inputs, self._given.effects(parameters), strict=True)]
-        blocks = [
-            1000 * k + split.blocks[own]
-            for k, (split, own) in enumerate(zip(self._given.splits, rows, strict=True))
-        ]
         return LoadedInputs(
             clamped(np.concatenate(inputs), low, high), np.concatenate(effects), self._given.measured(rows),
-            np.concatenate(blocks),
+            self._blocks(rows),
         )  # fmt: skip
 
     def bend(self, parameters: Array, sections: ArmSections) -> None:

@@ -1,4 +1,4 @@
-"""Play and friction before the swing of a tip: found in plants that have them, not in those that have none."""
+"""Play and friction before the swing of a tip: found in plants that have them, in no others."""
 
 from __future__ import annotations
 
@@ -86,15 +86,14 @@ def test_play_and_friction_are_found(model: TipMotion) -> None:
     other = trace_of(2, HALF, SHARE)
     off = np.linalg.norm(model.predict(other.sent, PERIOD_S) - other.measured, axis=1)
     # 0.3 mm of noise on each component is 0.52 mm; the play alone moves the tip by 3 mm.
-    assert np.sqrt((off**2).mean()) < 1.0e-3
+    assert np.sqrt((off**2).mean()) < 1.5e-3
     assert any("play of +- 0.03" in line for line in motion_lines(model))
 
 
 def test_none_is_found_where_there_is_none() -> None:
     found = fitted(3, 0.0, 0.0)
-    assert found.play.half < 2e-3
-    assert found.play.share < 5e-3
-    assert found.delay_s == pytest.approx(DELAY_S, abs=0.002)
+    assert found.play == NO_PLAY
+    assert found.delay_s == pytest.approx(DELAY_S, abs=0.003)
 
 
 def test_a_tip_that_turns_back_holds() -> None:
@@ -117,14 +116,10 @@ def test_the_file_has_it(model: TipMotion, tmp_path: Path) -> None:
     assert np.array_equal(
         before.predict(sent, PERIOD_S), replace(model, play=NO_PLAY).predict(sent, PERIOD_S)
     )
-    for bad in (
-        {"half": -0.1, "share": 0.0},
-        {"half": 0.0, "share": 1.0},
-        {"half": "much", "share": 0.0},
-        {},
-    ):
+    numbers = {"half": 0.0, "share": 0.0}
+    for bad in ({**numbers, "half": -0.1}, {**numbers, "share": 1.0}, {**numbers, "half": "much"}, {}):
         file.write_text(json.dumps({**data, "play": bad}))
-        with pytest.raises(ContidError, match="play|share|half|much"):
+        with pytest.raises(ContidError, match=r"play|share|half|much"):
             read_tip_motion(file)
 
 
