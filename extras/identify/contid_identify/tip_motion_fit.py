@@ -3,10 +3,10 @@
 Dead time, frequency and damping are first common to all axes, then each axis may differ by as much as the
 data support (`contid_identify.tip_fit.swings`). All of it is sought again with a play before the swing
 (`contid_identify.sections.play`), which stays where left-out blocks are clearly predicted better with it. For
-each of them the map follows by ridge regression (`contid_identify.tip_fit.tip_map`; variable projection, Golub
-and Pereyra 1973), towards the statics of the robot's model where there is one. Degree and penalty are those
-that predict left-out fifths of the fitted blocks of time best. Every fifth block is kept out of all of it and
-judges once.
+each of them the map follows by ridge regression (`contid_identify.tip_fit.tip_map`; variable projection,
+Golub and Pereyra 1973), towards the statics of the robot's model where there is one. Degree and penalty are
+those that predict left-out fifths of the fitted blocks of time best. Every fifth block is kept out of all of
+it and judges once.
 """
 
 from __future__ import annotations
