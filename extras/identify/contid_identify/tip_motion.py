@@ -176,18 +176,20 @@ class TipMotion:
         """
         sent = checked_commands(sent, period_s, self.robot, len(self.axes))
         at_s = np.arange(float(len(sent))) * period_s if at_s is None else at_s
-        inputs = self.inputs(sent, period_s, at_s, load_kg)
+        takes = self.inputs if self.remembered is None else self.states
+        states = takes(sent, period_s, at_s, load_kg)
+        inputs = states[:, : len(self.low)]
         tips = self.tips(inputs, load_kg)
         if self.near is not None:
             tips += self.near.added(self.free_bends(inputs), self.load_share(load_kg))
         if self.remembered is not None:
-            states = self.states(sent, period_s, at_s, load_kg)
             tips += self.remembered.added(states, self.load_share(load_kg))
         return tips
 
     def states(self, sent: Array, period_s: float, at_s: Array, load_kg: float) -> Array:
         """Inputs of the map now and before, by which recordings are remembered; ``(samples, states)``."""
-        return np.hstack([self.inputs(sent, period_s, at_s - ago_s, load_kg) for ago_s in _AGO_S])
+        at_all_s = np.concatenate([at_s - ago_s for ago_s in _AGO_S])
+        return np.hstack(np.split(self.inputs(sent, period_s, at_all_s, load_kg), AGES))
 
     def free_bends(self, inputs: Array) -> Array:
         """Bends ``(samples, 2 sections)`` [rad] as if sections were free, none without sections."""
