@@ -2,11 +2,11 @@
 
 Dead time, frequency and damping are first common to all axes, then each axis may differ by as much as the
 data support (`contid_identify.tip_fit.swings`). All of it is sought again with a play before the swing
-(`contid_identify.sections.play`), which stays where left-out blocks are clearly predicted better with it. For
-each of them the map follows by ridge regression (`contid_identify.tip_fit.tip_map`; variable projection,
-Golub and Pereyra 1973), towards the statics of the robot's model where there is one. Degree and penalty are
-those that predict left-out fifths of the fitted blocks of time best. Every fifth block is kept out of all of
-it and judges once.
+(`contid_identify.sections.play`), which stays where left-out blocks are clearly predicted better with it; not
+with several payloads, which change the tension that friction follows. For each of them the map follows by
+ridge regression (`contid_identify.tip_fit.tip_map`; variable projection, Golub and Pereyra 1973), towards the
+statics of the robot's model where there is one. Degree and penalty are those that predict left-out fifths of the
+fitted blocks of time best. Every fifth block is kept out of all of it and judges once.
 """
 
 from __future__ import annotations
@@ -53,7 +53,11 @@ def fit_tip_motion(
     rows = TraceRows(traces, None if sections is not None else statics)
     swings, tip_map = SwingSearch(rows), TipMap(rows)
     shared = swings.searched()
-    own, degree, penalty = _chosen(tip_map, swings.refined(shared), swings.refined(swings.with_play(shared)))
+    own = swings.refined(shared)
+    degree, penalty = tip_map.chosen(own)
+    if not rows.loaded:
+        plain = _Chosen(own, degree, penalty)
+        own, degree, penalty = _with_play(tip_map, plain, swings.refined(swings.with_play(shared)))
     if rows.of_loads == 1:
         own = rows.stiffen(own, tip_map.gain_of_load(own, degree, penalty))
     own, halves = swings.settled(own, penalty, lambda each: tip_map.left_out_squared(each, degree, penalty))
@@ -96,12 +100,12 @@ class _Chosen(NamedTuple):
     penalty: float
 
 
-def _chosen(tip_map: TipMap, without: Array, with_play: Array) -> _Chosen:
+def _with_play(tip_map: TipMap, plain: _Chosen, with_play: Array) -> _Chosen:
     """Parameters with a play where it predicts left-out blocks better by more than its standard error.
 
     That is the rule of one standard error (Breiman et al., Classification and Regression Trees, 1984, section
     3.4.3): what noise alone may gain is no reason for two numbers more.
     """
-    plain, sticky = (_Chosen(each, *tip_map.chosen(each)) for each in (without, with_play))
+    sticky = _Chosen(with_play, *tip_map.chosen(with_play))
     gained = tip_map.left_out_by_block(*plain) - tip_map.left_out_by_block(*sticky)
     return sticky if gained.sum() > math.sqrt(len(gained)) * gained.std(ddof=1) else plain

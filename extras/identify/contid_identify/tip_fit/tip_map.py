@@ -139,7 +139,8 @@ class TipMap:
             states.append(found.states(*given))
             loads.append(np.full(len(own), found.load_share(load_kg)))
         rows = np.concatenate(loads), self._given.folds()
-        if found.bent is not None:
+        # One correction for all payloads takes some of what a payload does for what bends do.
+        if found.bent is not None and not self._given.loaded:
             found = replace(found, near=near_bends(np.concatenate(bends), self._left_over(found), *rows))
         return replace(found, remembered=remember(np.concatenate(states), self._left_over(found), *rows))
 
