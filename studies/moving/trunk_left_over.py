@@ -134,8 +134,8 @@ def network() -> Iterator[str]:
         for _ in range(STEPS):
             begins = draw.integers(0, fitted // EVERY - ROWS, BATCH).tolist()
             of = torch.stack([inputs[k : k + ROWS] for k in begins])
-            wanted = torch.stack([outputs[k : k + ROWS] for k in begins])
-            off = net(of + NOISE * torch.randn_like(of)) - wanted
+            target = torch.stack([outputs[k : k + ROWS] for k in begins])
+            off = net(of + NOISE * torch.randn_like(of)) - target
             search.zero_grad()
             (off[:, BEGIN:] ** 2).mean().backward()
             torch.nn.utils.clip_grad_norm_(net.parameters(), 1.0)

@@ -21,7 +21,7 @@ from contid.kinematics.array import Array
 from contid_identify.answer import checked_commands, smoothly_between
 from contid_identify.remembered import RememberedMotion
 from contid_identify.sections.bent import BentSections
-from contid_identify.sections.play import NO_PLAY, Play
+from contid_identify.sections.play import NO_PLAY, AxisPlay
 from contid_identify.tip_answer import monomials, swing
 
 #: Inputs are clamped this share of their range beyond it.
@@ -159,7 +159,7 @@ class TipMotion:
     remembered: RememberedMotion | None = None
     memory_step_s: float = OLD_STEP_S
     bent: BentSections | None = None
-    play: Play = NO_PLAY
+    play: AxisPlay = NO_PLAY
     near: RememberedMotion | None = None
 
     def predict(self, sent: Array, period_s: float, at_s: Array | None = None, load_kg: float = 0.0) -> Array:

@@ -15,7 +15,7 @@ from contid.kinematics.array import Array
 from contid.whole_file import replacing
 from contid_identify.remembered import RememberedMotion
 from contid_identify.sections.bent import BentSections
-from contid_identify.sections.play import NO_PLAY, Play
+from contid_identify.sections.play import NO_PLAY, AxisPlay
 from contid_identify.tip_motion import (
     AGES,
     OLD_STEP_S,
@@ -159,7 +159,7 @@ def tip_motion_of(data: dict[str, Any], path: str | Path) -> TipMotion:
         degree = int(data["degree"])
         low_kg, high_kg = map(float, data["loads_kg"])
         # Files of before have no play and no intervals, and nothing is remembered.
-        play = Play(**{name: float(value) for name, value in data.get("play", NO_PLAY._asdict()).items()})
+        play = AxisPlay(**{name: float(value) for name, value in data.get("play", NO_PLAY._asdict()).items()})
         given = data.get("halves", {})
         halves = SwingHalves(*(math.inf if (v := given.get(k)) is None else float(v) for k in _HALVES))
         bent = _bent_in(data, len(axes), len(matrices["turns"]))

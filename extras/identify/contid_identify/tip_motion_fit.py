@@ -5,8 +5,8 @@ data support (`contid_identify.tip_fit.swings`). All of it is sought again with 
 (`contid_identify.sections.play`), which stays where left-out blocks are clearly predicted better with it; not
 with several payloads, which change the tension that friction follows. For each of them the map follows by
 ridge regression (`contid_identify.tip_fit.tip_map`; variable projection, Golub and Pereyra 1973), towards the
-statics of the robot's model where there is one. Degree and penalty are those that predict left-out fifths of the
-fitted blocks of time best. Every fifth block is kept out of all of it and judges once.
+statics of the robot's model where there is one. Degree and penalty are those that predict left-out fifths of
+the fitted blocks of time best. Every fifth block is kept out of all of it and judges once.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from contid.kinematics.array import Array
 from contid_identify.answer import CommandedTrace
 from contid_identify.printed import motion_lines
 from contid_identify.remembered import near_bends
-from contid_identify.sections.play import NO_PLAY, Play
+from contid_identify.sections.play import NO_PLAY, AxisPlay
 from contid_identify.tip_fit.trace_rows import LoadedTrace
 from contid_identify.tip_motion import TipMotion
 from contid_identify.tip_motion_file import read_tip_motion, write_tip_motion
@@ -98,8 +98,8 @@ def test_none_is_found_where_there_is_none() -> None:
 
 def test_a_tip_that_turns_back_holds() -> None:
     column = np.array([0.0, 1.0, 0.9, 0.5, -1.0])[:, None]
-    assert Play(0.1, 0.0).behind(column)[:, 0].tolist() == pytest.approx([0.0, 0.9, 0.9, 0.6, -0.9])
-    assert Play(0.0, 0.1).behind(column)[:, 0].tolist() == pytest.approx([0.0, 0.9, 0.9, 0.55, -0.9])
+    assert AxisPlay(0.1, 0.0).behind(column)[:, 0].tolist() == pytest.approx([0.0, 0.9, 0.9, 0.6, -0.9])
+    assert AxisPlay(0.0, 0.1).behind(column)[:, 0].tolist() == pytest.approx([0.0, 0.9, 0.9, 0.55, -0.9])
     assert NO_PLAY.behind(column) is column
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from contid.kinematics.array import Array
 
 
-class Play(NamedTuple):
+class AxisPlay(NamedTuple):
     """Between every command and its axis.
 
     Attributes:
@@ -37,7 +37,7 @@ class Play(NamedTuple):
         )
 
 
-NO_PLAY: Final = Play(0.0, 0.0)
+NO_PLAY: Final = AxisPlay(0.0, 0.0)
 
 
 def played(values: Array, half: Array | float, begin: float) -> Array:

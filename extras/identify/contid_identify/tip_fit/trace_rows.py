@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid_identify.answer import CommandedTrace
-from contid_identify.sections.play import NO_PLAY, Play
+from contid_identify.sections.play import NO_PLAY, AxisPlay
 from contid_identify.split import split_time
 from contid_identify.tip_motion import features, swung
 
@@ -74,7 +74,7 @@ class TraceRows:
         self.statics = statics
         self.traces = [each.trace for each in traces]
         self.splits = [split_time(each.at_s) for each in self.traces]
-        self._moved: tuple[Play, list[Array]] | None = None
+        self._moved: tuple[AxisPlay, list[Array]] | None = None
         self.search = self._rows(_SEARCH_ROWS)
         self.rows = self._rows(_MAP_ROWS)
 
@@ -101,12 +101,12 @@ class TraceRows:
         """How much less the next payload does [1/kg]."""
         return float(parameters[3 * self.axes + 1]) / LOAD_KG if self.of_loads > 1 else self._stiffer_per_kg
 
-    def play_of(self, parameters: Array) -> Play:
+    def play_of(self, parameters: Array) -> AxisPlay:
         """Play and friction."""
         given = parameters[3 * self.axes + self.of_loads :].tolist()
-        return Play(given[0] * self.unit, given[1]) if given else NO_PLAY
+        return AxisPlay(given[0] * self.unit, given[1]) if given else NO_PLAY
 
-    def _behind(self, play: Play) -> list[Array]:
+    def _behind(self, play: AxisPlay) -> list[Array]:
         """Commands of every recording about the centre, behind a play."""
         if self._moved is None or self._moved[0] != play:
             self._moved = play, [play.behind(each.sent - self.centre) for each in self.traces]
