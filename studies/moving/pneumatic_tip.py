@@ -169,8 +169,8 @@ def repeated(run: PneumaticRun) -> Apart:
 def phases(run: PneumaticRun, fitted: PneumaticRun, tips: Array) -> Iterator[str]:
     """What predictions of ``steps_mar_1`` are off by while inflated and vented, beside a copy.
 
-    The copy is the tip of the same pattern on the day that was fitted, as long after the same step: as near as
-    a model can be that repeats that day.
+    The copy is the tip of the same pattern on the day that was fitted, as long after the same step: as near
+    as a model can be that repeats that day.
     """
     steps = {up: np.flatnonzero(np.diff(each.sent[BEFORE:, 0] > 0.5, prepend=False))
              for up, each in (("judged", run), ("copied", fitted))}  # fmt: skip
