@@ -166,6 +166,29 @@ def repeated(run: PneumaticRun) -> Apart:
     return Apart(rms(apart), rms(own))
 
 
+def phases(run: PneumaticRun, fitted: PneumaticRun, tips: Array) -> Iterator[str]:
+    """What predictions of ``steps_mar_1`` are off by while inflated and vented, beside a copy.
+
+    The copy is the tip of the same pattern on the day that was fitted, as long after the same step: as near
+    as a model can be that repeats that day.
+    """
+    steps = {up: np.flatnonzero(np.diff(each.sent[BEFORE:, 0] > 0.5, prepend=False))
+             for up, each in (("judged", run), ("copied", fitted))}  # fmt: skip
+    begins = np.append(steps["judged"], len(run.tip))
+    zero = run.tip[:4].mean(axis=0) - fitted.tip[:4].mean(axis=0)
+    for number, (begin, end) in enumerate(zip(begins[:-1].tolist(), begins[1:].tolist(), strict=True)):
+        first = int(steps["copied"][number % 2])
+        rows = min(end - begin, round(9.9 / PERIOD_S), len(fitted.tip) - first)
+        own = slice(begin, begin + rows)
+        copied = rms(run.tip[own] - fitted.tip[first : first + rows] - zero)
+        off = run.tip[own] - zeroed(run, tips)[own]
+        yield (
+            f"  {('inflated', 'vented')[number % 2]} at {begin * PERIOD_S:.0f} s, {rows * PERIOD_S:.1f} s: "
+            f"arcs {rms(off):.1f}, of it a constant {np.linalg.norm(off.mean(axis=0)):.1f}; "
+            f"copy {copied:.1f} mm"
+        )
+
+
 def rms(apart: Array) -> float:
     """Of distances, of differences ``(rows, 3)``."""
     return float(np.sqrt((apart**2).sum(axis=1).mean()))
@@ -204,6 +227,8 @@ def report() -> Iterator[str]:
         for text, own in judged.items():
             errors = (f"{k} {rmse(run, t, own):.1f}" for k, t in found.items() if t is not None)
             yield f"{text}: {', '.join(errors)} mm"
+        if name == "steps_mar_1" and (tips := found["arcs"]) is not None:
+            yield from phases(run, runs["step_15_1"], tips)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from contid_identify.chambers.motion import NUMBERS, ChamberMotion
 from contid_identify.delay_lag import JudgedStage
 from contid_identify.estimate import CONFIDENCE, ErrorSize, Interval
 from contid_identify.sections.bent import BentSections
+from contid_identify.sections.play import NO_PLAY
 from contid_identify.stages import IdentifiedAxis, IdentifiedMotion
 from contid_identify.tip_motion import TipMotion
 
@@ -115,6 +116,11 @@ def _swings(model: TipMotion) -> Iterator[str]:
         model.axes, model.delay_s, model.frequency_hz, model.ratio, strict=True
     ):
         yield f"  {axis:10} delay {_MS * delay_s:.0f} ms, {hz:.3g} Hz, damping ratio {ratio:.2g}"
+    if model.play != NO_PLAY:
+        yield (
+            f"  before the swing a play of +- {model.play.half:.3g} m or Pa, and friction that keeps "
+            f"{100.0 * model.play.share:.1f} % of a command when it turns back"
+        )
     halves = model.halves
     if math.isfinite(halves.delay_s):
         yield (

@@ -1,6 +1,6 @@
 """A tip in motion as numbers: what a robot does with its commands, for any commands and any payload.
 
-    x_j(t) = command j, late by its dead time, behind a body of one mode of its own
+    x_j(t) = command j behind its play, late by its dead time, behind a body of one mode of its own
     tip(t) = bent(clip(x), s) + (w + s v) . monomials(clip(x)),   s = m / (1 + m / m0),   m: payload
 
 The swing is in the axes and the map behind it (Wiener). Monomials are clamped to the range of the recordings
@@ -21,6 +21,7 @@ from contid.kinematics.array import Array
 from contid_identify.answer import checked_commands, smoothly_between
 from contid_identify.remembered import RememberedMotion
 from contid_identify.sections.bent import BentSections
+from contid_identify.sections.play import NO_PLAY, AxisPlay
 from contid_identify.tip_answer import monomials, swing
 
 #: Inputs are clamped this share of their range beyond it.
@@ -132,6 +133,8 @@ class TipMotion:
         halves: how sure dead times, frequencies and ratios are.
         remembered: what is added to the map where commands of the recordings come again, or None.
         bent: bends of the sections, which the monomials correct; None: the monomials are all.
+        play: of every axis, about ``centre``.
+        near: what is added to the map by free bends near those of the recordings, or None.
     """
 
     robot: str
@@ -156,6 +159,8 @@ class TipMotion:
     remembered: RememberedMotion | None = None
     memory_step_s: float = OLD_STEP_S
     bent: BentSections | None = None
+    play: AxisPlay = NO_PLAY
+    near: RememberedMotion | None = None
 
     def predict(self, sent: Array, period_s: float, at_s: Array | None = None, load_kg: float = 0.0) -> Array:
         """Tips ``(samples, 3)`` [m] in the base frame, from commands alone; the robot rests before.
@@ -171,15 +176,27 @@ class TipMotion:
         """
         sent = checked_commands(sent, period_s, self.robot, len(self.axes))
         at_s = np.arange(float(len(sent))) * period_s if at_s is None else at_s
-        tips = self.tips(self.inputs(sent, period_s, at_s, load_kg), load_kg)
+        takes = self.inputs if self.remembered is None else self.states
+        states = takes(sent, period_s, at_s, load_kg)
+        inputs = states[:, : len(self.low)]
+        tips = self.tips(inputs, load_kg)
+        if self.near is not None:
+            tips += self.near.added(self.free_bends(inputs), self.load_share(load_kg))
         if self.remembered is not None:
-            states = self.states(sent, period_s, at_s, load_kg)
             tips += self.remembered.added(states, self.load_share(load_kg))
         return tips
 
     def states(self, sent: Array, period_s: float, at_s: Array, load_kg: float) -> Array:
         """Inputs of the map now and before, by which recordings are remembered; ``(samples, states)``."""
-        return np.hstack([self.inputs(sent, period_s, at_s - ago_s, load_kg) for ago_s in _AGO_S])
+        at_all_s = np.concatenate([at_s - ago_s for ago_s in _AGO_S])
+        return np.hstack(np.split(self.inputs(sent, period_s, at_all_s, load_kg), AGES))
+
+    def free_bends(self, inputs: Array) -> Array:
+        """Bends ``(samples, 2 sections)`` [rad] as if sections were free, none without sections."""
+        if self.bent is None:
+            return np.zeros((len(inputs), 0))
+        axes = clamped(inputs, self.low, self.high) @ self.bent.axes_by_inputs.T
+        return self.bent.free(axes).reshape(len(inputs), -1)
 
     def load_share(self, load_kg: float) -> float:
         """A payload as a share of the greatest one of the recordings."""
@@ -188,7 +205,8 @@ class TipMotion:
     def inputs(self, sent: Array, period_s: float, at_s: Array, load_kg: float) -> Array:
         """What the map acts on at times ``at_s``: ``(samples, inputs)``, not clamped."""
         hz = self.frequency_hz * np.exp(-self.softer_per_kg * self.effect_kg(load_kg))
-        return swung(sent, period_s, at_s, self.delay_s, hz, self.ratio, self.centre) @ self.turns.T
+        moved = self.play.behind(sent - self.centre)
+        return swung(moved, period_s, at_s, self.delay_s, hz, self.ratio) @ self.turns.T
 
     def tips(self, inputs: Array, load_kg: float) -> Array:
         """Tips ``(samples, 3)`` [m] of inputs of the map."""
@@ -231,12 +249,10 @@ def features(inputs: Array, low: Array, high: Array, degree: int) -> Array:
     return np.column_stack([np.ones(len(within)), monomials(within, degree)])
 
 
-def swung(
-    sent: Array, period_s: float, at_s: Array, delay_s: Array, hz: Array, ratio: Array, centre: Array
-) -> Array:
-    """Commands about a centre, late and behind one mode each, at times ``at_s``; ``(samples, axes)``."""
-    out = np.empty((len(at_s), sent.shape[1]))
-    for j in range(sent.shape[1]):
-        values = swing(sent[:, j : j + 1] - centre[j], period_s, float(hz[j]), float(ratio[j]))
+def swung(moved: Array, period_s: float, at_s: Array, delay_s: Array, hz: Array, ratio: Array) -> Array:
+    """Axes ``(ticks, axes)``, late and behind one mode each, at times ``at_s``; ``(samples, axes)``."""
+    out = np.empty((len(at_s), moved.shape[1]))
+    for j in range(moved.shape[1]):
+        values = swing(moved[:, j : j + 1], period_s, float(hz[j]), float(ratio[j]))
         out[:, j] = smoothly_between(values, (at_s - delay_s[j]) / period_s)[:, 0]
     return out

@@ -15,6 +15,7 @@ from contid.kinematics.array import Array
 from contid.whole_file import replacing
 from contid_identify.remembered import RememberedMotion
 from contid_identify.sections.bent import BentSections
+from contid_identify.sections.play import NO_PLAY, AxisPlay
 from contid_identify.tip_motion import (
     AGES,
     OLD_STEP_S,
@@ -38,6 +39,8 @@ def write_tip_motion(model: TipMotion, path: Path) -> None:
     data: dict[str, Any] = {
         **common_of(model, _FORMAT),
         "degree": model.degree,
+        "play": model.play._asdict(),
+        "near": numbers_of(model.near),
         "softer_per_kg": model.softer_per_kg,
         "less_per_kg": model.less_per_kg,
         "loads_kg": list(model.loads_kg),
@@ -54,7 +57,6 @@ def write_tip_motion(model: TipMotion, path: Path) -> None:
 
 def common_of(model: MovingTip, form: str) -> dict[str, Any]:
     """What files of every model have."""
-    kept = model.remembered
     return {
         "format": form,
         "robot": model.robot,
@@ -67,8 +69,13 @@ def common_of(model: MovingTip, form: str) -> dict[str, Any]:
         ],
         "memory": model.memory.tolist(),
         "memory_step_s": model.memory_step_s,
-        "remembered": kept and {name: getattr(kept, name).tolist() for name in _REMEMBERED},
+        "remembered": numbers_of(model.remembered),
     }  # fmt: skip
+
+
+def numbers_of(kept: RememberedMotion | None) -> dict[str, Any] | None:
+    """The numbers of what is added to a map."""
+    return {name: getattr(kept, name).tolist() for name in _REMEMBERED} if kept is not None else None
 
 
 def step_in(data: dict[str, Any]) -> float:
@@ -79,20 +86,20 @@ def step_in(data: dict[str, Any]) -> float:
     return step_s
 
 
-def remembered_in(data: dict[str, Any], states: int) -> RememberedMotion | None:
+def remembered_in(data: dict[str, Any], states: int, key: str = "remembered") -> RememberedMotion | None:
     """What is remembered in a file; ``states``: number of those it is remembered by.
 
     Raises:
         ValueError: numbers of another shape.
     """
-    kept = data.get("remembered")
+    kept = data.get(key)
     if not kept:
         return None
     found = RememberedMotion(*(np.array(kept[name], dtype=float) for name in _REMEMBERED))
     count = len(found.loads)
     needed = ((states,), (count, states), (count,), (count, 3))
     if tuple(getattr(found, name).shape for name in _REMEMBERED) != needed:
-        raise ValueError(f"remembered has numbers of another shape than {needed}")
+        raise ValueError(f"{key} has numbers of another shape than {needed}")
     return found
 
 
@@ -151,15 +158,18 @@ def tip_motion_of(data: dict[str, Any], path: str | Path) -> TipMotion:
         matrices = {name: np.array(data[name], dtype=float) for name in _MATRICES}
         degree = int(data["degree"])
         low_kg, high_kg = map(float, data["loads_kg"])
-        # Files of before have no intervals, and nothing is remembered.
+        # Files of before have no play and no intervals, and nothing is remembered.
+        play = AxisPlay(**{name: float(value) for name, value in data.get("play", NO_PLAY._asdict()).items()})
         given = data.get("halves", {})
         halves = SwingHalves(*(math.inf if (v := given.get(k)) is None else float(v) for k in _HALVES))
+        bent = _bent_in(data, len(axes), len(matrices["turns"]))
+        near = None if bent is None else remembered_in(data, 2 * len(bent.length_m), "near")
         model = TipMotion(
             str(data["robot"]), axes, softer_per_kg=float(data["softer_per_kg"]), degree=degree,
             less_per_kg=float(data["less_per_kg"]),
             loads_kg=(low_kg, high_kg), errors=errors_of(data), source=str(data["source"]), halves=halves,
             remembered=remembered_in(data, AGES * len(matrices["turns"])), memory_step_s=step_in(data),
-            bent=_bent_in(data, len(axes), len(matrices["turns"])), **vectors, **matrices,
+            bent=bent, near=near, play=play, **vectors, **matrices,
         )  # fmt: skip
     except (KeyError, TypeError, ValueError) as error:
         raise ContidError(f"{path}: {error!r} where a number or a key should be; {_REMEDY}") from None
@@ -215,5 +225,9 @@ def _check(model: TipMotion, path: str | Path) -> None:
                 f"{path}: {name} has shape {values.shape} or numbers that are not finite; needed: {shape}; "
                 f"{_REMEDY}"
             )
+    if not (0.0 <= model.play.half < math.inf and 0.0 <= model.play.share < 1.0):
+        raise ContidError(
+            f"{path}: play is {model.play._asdict()}; half is 0 or more, share from 0 to below 1; {_REMEDY}"
+        )
     if not model.errors or not (model.frequency_hz > 0.0).all():
         raise ContidError(f"{path}: no errors, or a frequency that is not above 0; {_REMEDY}")

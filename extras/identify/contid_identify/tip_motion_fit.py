@@ -1,20 +1,25 @@
 """The fit of a `TipMotion`: how axes swing, then the map behind it, with payloads where they are given.
 
 Dead time, frequency and damping are first common to all axes, then each axis may differ by as much as the
-data support (`contid_identify.tip_fit.swings`). For each of them the map follows by ridge regression
-(`contid_identify.tip_fit.tip_map`; variable projection, Golub and Pereyra 1973), towards the statics of the
-robot's model where there is one. Degree and penalty are those that predict left-out fifths of the fitted
-blocks of time best. Every fifth block is kept out of all of it and judges once.
+data support (`contid_identify.tip_fit.swings`). All of it is sought again with a play before the swing
+(`contid_identify.sections.play`), which stays where left-out blocks are clearly predicted better with it; not
+with several payloads, which change the tension that friction follows. For each of them the map follows by
+ridge regression (`contid_identify.tip_fit.tip_map`; variable projection, Golub and Pereyra 1973), towards the
+statics of the robot's model where there is one. Degree and penalty are those that predict left-out fifths of
+the fitted blocks of time best. Every fifth block is kept out of all of it and judges once.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from contid.errors import ContidError
+from contid.kinematics.array import Array
 from contid_identify.ahead import PredictedTips, judged_ahead, memory_of, predicted_tips, step_of
 from contid_identify.sections.bent import ArmSections
 from contid_identify.split import Mask, split_time
@@ -47,8 +52,12 @@ def fit_tip_motion(
         raise ContidError(f"{count} measured tips; at least {LEAST_TIPS} are needed: record with a tracker")
     rows = TraceRows(traces, None if sections is not None else statics)
     swings, tip_map = SwingSearch(rows), TipMap(rows)
-    own = swings.refined(swings.searched())
+    shared = swings.searched()
+    own = swings.refined(shared)
     degree, penalty = tip_map.chosen(own)
+    if not rows.loaded:
+        plain = _Chosen(own, degree, penalty)
+        own, degree, penalty = _with_play(tip_map, plain, swings.refined(swings.with_play(shared)))
     if rows.of_loads == 1:
         own = rows.stiffen(own, tip_map.gain_of_load(own, degree, penalty))
     own, halves = swings.settled(own, penalty, lambda each: tip_map.left_out_squared(each, degree, penalty))
@@ -60,12 +69,12 @@ def fit_tip_motion(
     def numbers() -> TipMotion:
         delay_s, log_hz, log_ratio = rows.of_axes(own)
         weights, load_weights = tip_map.map_of(own, degree, penalty)
-        found = TipMotion(
+        return tip_map.corrected(TipMotion(
             robot, names, delay_s, np.exp(log_hz), np.exp(log_ratio), rows.softer(own), rows.less(own),
             rows.centre, rows.turns, *rows.range_of(own), degree, weights, load_weights,
             (min(loads), max(loads)), np.zeros(1), (), source, halves, bent=tip_map.bent,
-        )  # fmt: skip
-        return replace(found, remembered=tip_map.remembered(found))
+            play=rows.play_of(own),
+        ))  # fmt: skip
 
     step_s = step_of([each.trace.at_s for each in traces])
     memory = memory_of(tip_map.left_out(own, degree, penalty, step_s), step_s)
@@ -81,3 +90,22 @@ def fit_tip_motion(
     if sections is not None:
         tip_map.bend(own, sections)
     return replace(numbers(), memory=memory, memory_step_s=step_s, errors=errors)
+
+
+class _Chosen(NamedTuple):
+    """Parameters, and the degree and penalty of the map that suit them."""
+
+    parameters: Array
+    degree: int
+    penalty: float
+
+
+def _with_play(tip_map: TipMap, plain: _Chosen, with_play: Array) -> _Chosen:
+    """Parameters with a play where it predicts left-out blocks better by more than its standard error.
+
+    That is the rule of one standard error (Breiman et al., Classification and Regression Trees, 1984, section
+    3.4.3): what noise alone may gain is no reason for two numbers more.
+    """
+    sticky = _Chosen(with_play, *tip_map.chosen(with_play))
+    gained = tip_map.left_out_by_block(*plain) - tip_map.left_out_by_block(*sticky)
+    return sticky if gained.sum() > math.sqrt(len(gained)) * gained.std(ddof=1) else plain

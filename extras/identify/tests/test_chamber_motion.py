@@ -20,9 +20,10 @@ from contid_identify.answer import CommandedTrace
 from contid_identify.chambers.file import chamber_motion_of, read_motion, write_motion
 from contid_identify.chambers.fit import arm_of, fit_chamber_motion
 from contid_identify.chambers.judged import can_be_apart, judged_apart, judged_by_blocks
-from contid_identify.chambers.motion import ChamberArm, ChamberMotion, played
+from contid_identify.chambers.motion import ChamberArm, ChamberMotion
 from contid_identify.printed import motion_lines
 from contid_identify.sections.arcs import chained
+from contid_identify.sections.play import played
 from contid_identify.stages import tip_motion
 
 PERIOD_S = 0.05

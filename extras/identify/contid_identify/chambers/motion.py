@@ -25,6 +25,7 @@ from contid.kinematics.array import Array
 from contid_identify.answer import between, checked_commands
 from contid_identify.remembered import RememberedMotion
 from contid_identify.sections.arcs import chained
+from contid_identify.sections.play import played
 from contid_identify.tip_motion import OLD_STEP_S, AheadError
 
 #: Steps of the simulation [s] at most.
@@ -269,15 +270,6 @@ def filled(values: Array, step_s: float, up_s: float, down_s: float) -> Array:
             found.append(x)
         out[:, k] = found
     return out
-
-
-def played(values: Array, half: float, begin: float) -> Array:
-    """Values ``(steps,)`` behind a play of half a width (Prandtl's element)."""
-    y, out = begin, []
-    for value in values.tolist():
-        y = max(value - half, min(value + half, y))
-        out.append(y)
-    return np.array(out)
 
 
 def bounded(values: Array, most: Array | float, sharpness: float) -> Array:

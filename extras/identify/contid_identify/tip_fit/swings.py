@@ -21,8 +21,12 @@ _LOW: Final = (0.0, np.log(0.2), np.log(0.02))
 _HIGH: Final = (2.0, np.log(30.0), np.log(3.0))
 #: Bounds of softening and saturation, per `LOAD_KG`.
 _LOADS: Final = ((-1.0, 0.0), (1.0, STIFFEST))
+#: Play, in units of the spread of the commands, and friction: start of the search and its upper ends.
+_PLAY: Final = (0.03, 0.05)
+_PLAY_MOST: Final = (0.5, 0.5)
 #: How far an axis may be from the others: dead time [s], logarithms of frequency and ratio.
 _APART: Final = (0.03, 0.3, 0.3)
+_APART_PLAY: Final = (0.05, 0.05)
 #: Samples that hold as much as one alone, because errors last.
 _ALIKE: Final = 25.0
 #: The jackknife does not fit the map anew without each block. By this factor intervals of known plants
@@ -54,35 +58,50 @@ class SwingSearch:
 
     def searched(self) -> Array:
         """Dead time, frequency and ratio common to all axes."""
-        from scipy.optimize import least_squares
-
         tail = [0.0, 0.1][: self._given.of_loads]
-
-        def spread(three: Array) -> Array:
-            return np.concatenate([np.tile(three[:3], self._given.axes), three[3:]])
-
         starts = [
             np.array([delay_s, np.log(hz), np.log(_RATIO), *tail])
             for delay_s in _DELAYS_S
             for hz in _SWINGS_HZ
         ]
-        start = min(starts, key=lambda three: float((self.left(spread(three)) ** 2).sum()))
-        ends = [*_LOW, *_LOADS[0][: len(tail)]], [*_HIGH, *_LOADS[1][: len(tail)]]
+        return self._common(min(starts, key=lambda each: float((self.left(self._tiled(each)) ** 2).sum())))
+
+    def with_play(self, shared: Array) -> Array:
+        """The same with play and friction, from what `searched` found without: all of them change."""
+        return self._common(np.concatenate([shared[:3], shared[3 * self._given.axes :], _PLAY]))
+
+    def _tiled(self, common: Array) -> Array:
+        return np.concatenate([np.tile(common[:3], self._given.axes), common[3:]])
+
+    def _common(self, start: Array) -> Array:
+        from scipy.optimize import least_squares
+
+        low, high = self._ends_of_tail(len(start) - 3)
+        start = np.concatenate([start[:3], np.clip(start[3:], low + 1e-6, high - 1e-6)])
         found = least_squares(
-            lambda three: self.left(spread(three)).ravel(), start, bounds=ends,
-            x_scale=[0.05, 0.2, 0.2, *[0.1] * len(tail)],
+            lambda common: self.left(self._tiled(common)).ravel(), start,
+            bounds=([*_LOW, *low], [*_HIGH, *high]), x_scale=[0.05, 0.2, 0.2, *[0.1] * len(low)],
             max_nfev=15, diff_step=1e-3,
         )  # fmt: skip
-        return spread(found.x)
+        return self._tiled(found.x)
+
+    def _ends_of_tail(self, count: int) -> tuple[Array, Array]:
+        """Least and greatest of what follows the axes: of loads, then of play and friction if any."""
+        loads = self._given.of_loads
+        low, high = [*_LOADS[0][:loads], 0.0, 0.0], [*_LOADS[1][:loads], *_PLAY_MOST]
+        return np.array(low[:count]), np.array(high[:count])
 
     def refined(self, shared: Array) -> Array:
         """Every axis for itself, near the others."""
         from scipy.optimize import least_squares
 
-        apart = np.concatenate([np.tile(_APART, self._given.axes), [0.3] * self._given.of_loads])
+        tails = len(shared) - 3 * self._given.axes
+        apart = np.concatenate(
+            [np.tile(_APART, self._given.axes), [*[0.3] * self._given.of_loads, *_APART_PLAY][:tails]]
+        )
         ends = [
-            np.concatenate([np.tile(each, self._given.axes), loads[: self._given.of_loads]])
-            for each, loads in zip((_LOW, _HIGH), _LOADS, strict=True)
+            np.concatenate([np.tile(each, self._given.axes), tail])
+            for each, tail in zip((_LOW, _HIGH), self._ends_of_tail(tails), strict=True)
         ]
         size = float(np.sqrt((self.left(shared) ** 2).mean() * _ALIKE))
         if self._given.axes == 1 or size <= 0.0:

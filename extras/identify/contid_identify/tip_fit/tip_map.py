@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid.units import MM_PER_M
-from contid_identify.remembered import RememberedMotion, remember
+from contid_identify.remembered import near_bends, remember
 from contid_identify.sections.bent import ArmSections, BentSections
 from contid_identify.sections.fit import LoadedInputs, fit_by_folds, start_of, tips_of
 from contid_identify.tip_fit.trace_rows import FOLDS, LOAD_KG, Rows, TraceRows
@@ -59,19 +60,29 @@ class TipMap:
 
     def left_out_squared(self, parameters: Array, degree: int, penalty: float) -> float:
         """Sum of the squared errors of left-out folds [m^2]."""
-        return float((self._fold_errors(parameters, degree, [penalty])[0] ** 2).sum())
+        return float(self.left_out_by_block(parameters, degree, penalty).sum())
+
+    def left_out_by_block(self, parameters: Array, degree: int, penalty: float) -> Array:
+        """The same of each block of time ``(blocks,)`` [m^2]."""
+        (errors,) = self._fold_errors(parameters, degree, [penalty])
+        _, number = np.unique(self._blocks(self._given.rows), return_inverse=True)
+        return np.bincount(number, weights=(errors**2).sum(axis=1)).astype(float)
+
+    def _blocks(self, rows: Rows) -> Array:
+        return np.concatenate(
+            [
+                1000 * k + split.blocks[own]
+                for k, (split, own) in enumerate(zip(self._given.splits, rows, strict=True))
+            ]
+        )
 
     def data(self, parameters: Array, rows: Rows) -> LoadedInputs:
         """Rows as the fit of bends takes them."""
         inputs, low, high = self._given.inputs(parameters, rows), *self._given.range_of(parameters)
         effects = [np.full(len(x), s) for x, s in zip(inputs, self._given.effects(parameters), strict=True)]
-        blocks = [
-            1000 * k + split.blocks[own]
-            for k, (split, own) in enumerate(zip(self._given.splits, rows, strict=True))
-        ]
         return LoadedInputs(
             clamped(np.concatenate(inputs), low, high), np.concatenate(effects), self._given.measured(rows),
-            np.concatenate(blocks),
+            self._blocks(rows),
         )  # fmt: skip
 
     def bend(self, parameters: Array, sections: ArmSections) -> None:
@@ -119,16 +130,29 @@ class TipMap:
                 out.append(np.column_stack([np.interp(steps, at_s[rows], c) for c in part[rows].T]))
         return out
 
-    def remembered(self, found: TipMotion) -> RememberedMotion | None:
-        """What the map leaves over of its rows."""
-        states, left, loads = [], [], []
+    def corrected(self, found: TipMotion) -> TipMotion:
+        """The model with what the map leaves over of its rows: by bends nearby, then by what came before."""
+        bends, states, loads = [], [], []
         for trace, load_kg, own in zip(self._given.traces, self._given.loads, self._given.rows, strict=True):
-            at_s = trace.at_s[own]
-            states.append(found.states(trace.sent, trace.period_s, at_s, load_kg))
-            left.append(trace.measured[own] - found.predict(trace.sent, trace.period_s, at_s, load_kg))
+            given = trace.sent, trace.period_s, trace.at_s[own], load_kg
+            bends.append(found.free_bends(found.inputs(*given)))
+            states.append(found.states(*given))
             loads.append(np.full(len(own), found.load_share(load_kg)))
-        return remember(
-            np.concatenate(states), np.concatenate(left), np.concatenate(loads), self._given.folds()
+        rows = np.concatenate(loads), self._given.folds()
+        # One correction for all payloads takes some of what a payload does for what bends do.
+        if found.bent is not None and not self._given.loaded:
+            found = replace(found, near=near_bends(np.concatenate(bends), self._left_over(found), *rows))
+        return replace(found, remembered=remember(np.concatenate(states), self._left_over(found), *rows))
+
+    def _left_over(self, found: TipMotion) -> Array:
+        """Of its rows ``(rows, 3)`` [m]."""
+        return np.concatenate(
+            [
+                trace.measured[own] - found.predict(trace.sent, trace.period_s, trace.at_s[own], load_kg)
+                for trace, load_kg, own in zip(
+                    self._given.traces, self._given.loads, self._given.rows, strict=True
+                )
+            ]
         )
 
     def map_of(self, parameters: Array, degree: int, penalty: float) -> tuple[Array, Array]:

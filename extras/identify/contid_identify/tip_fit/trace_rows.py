@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from contid.errors import ContidError
 from contid.kinematics.array import Array
 from contid_identify.answer import CommandedTrace
+from contid_identify.sections.play import NO_PLAY, AxisPlay
 from contid_identify.split import split_time
 from contid_identify.tip_motion import features, swung
 
@@ -46,7 +47,8 @@ class LoadedTrace:
 class TraceRows:
     """The rows of some recordings.
 
-    Parameters of a fit: three per axis in turn, then softening and saturation by loads.
+    Parameters of a fit: three per axis in turn, then softening and saturation by loads, then play (in units
+    of `unit`) and friction, or none of these two.
     """
 
     def __init__(self, traces: Sequence[LoadedTrace], statics: Statics | None) -> None:
@@ -58,6 +60,8 @@ class TraceRows:
         sent = np.concatenate([each.trace.sent for each in traces])
         self.axes = sent.shape[1]
         self.centre = sent.mean(axis=0)
+        #: Of plays: twice the spread of the commands.
+        self.unit = 2.0 * float(np.sqrt(((sent - self.centre) ** 2).mean()))
         _, sizes, turns = np.linalg.svd(sent - self.centre, full_matrices=False)
         moved = sizes**2 > _STILL * max(float((sizes**2).sum()), 1e-300)
         if not moved.any() or sizes[0] <= 0.0:
@@ -70,6 +74,7 @@ class TraceRows:
         self.statics = statics
         self.traces = [each.trace for each in traces]
         self.splits = [split_time(each.at_s) for each in self.traces]
+        self._moved: tuple[AxisPlay, list[Array]] | None = None
         self.search = self._rows(_SEARCH_ROWS)
         self.rows = self._rows(_MAP_ROWS)
 
@@ -95,6 +100,17 @@ class TraceRows:
     def less(self, parameters: Array) -> float:
         """How much less the next payload does [1/kg]."""
         return float(parameters[3 * self.axes + 1]) / LOAD_KG if self.of_loads > 1 else self._stiffer_per_kg
+
+    def play_of(self, parameters: Array) -> AxisPlay:
+        """Play and friction."""
+        given = parameters[3 * self.axes + self.of_loads :].tolist()
+        return AxisPlay(given[0] * self.unit, given[1]) if given else NO_PLAY
+
+    def _behind(self, play: AxisPlay) -> list[Array]:
+        """Commands of every recording about the centre, behind a play."""
+        if self._moved is None or self._moved[0] != play:
+            self._moved = play, [play.behind(each.sent - self.centre) for each in self.traces]
+        return self._moved[1]
 
     def stiffen(self, parameters: Array, gain: float) -> Array:
         """What two payloads do between them, by the stiffness of a body that carries them.
@@ -133,11 +149,10 @@ class TraceRows:
         """What the map acts on, per recording."""
         delay_s, log_hz, log_ratio = self.of_axes(parameters)
         out = []
-        for trace, load_kg, own in zip(self.traces, self.effects(parameters), rows, strict=True):
+        moved = self._behind(self.play_of(parameters))
+        for trace, sent, load_kg, own in zip(self.traces, moved, self.effects(parameters), rows, strict=True):
             hz = np.exp(log_hz - self.softer(parameters) * load_kg)
-            x = swung(
-                trace.sent, trace.period_s, trace.at_s[own], delay_s, hz, np.exp(log_ratio), self.centre
-            )
+            x = swung(sent, trace.period_s, trace.at_s[own], delay_s, hz, np.exp(log_ratio))
             out.append(x @ self.turns.T)
         return out
 
