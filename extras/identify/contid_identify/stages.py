@@ -219,7 +219,7 @@ def arm_of_form(
     """What a form of the tip's motion begins with; None for ``map``. For the arguments see `tip_motion`.
 
     Raises:
-        ContidError: the form is not for this robot, these payloads or so many azimuths.
+        ContidError: the form is not for this robot, these payloads or this number of azimuths.
     """
     if form == "bends":
         model = build_model(robot)
