@@ -203,7 +203,7 @@ def test_a_command_whose_package_is_missing_is_refused_with_the_remedy(name: str
         ("contid run finger --mock --view serve", "view"),
         ("contid run finger --mock --panel", "panel"),
         ("contid fleet init ca --fleet lab", "fleet"),
-        (f"{CIRCLE} | contid run hand --virtual --record c.mcap && contid view c.mcap", "view"),
+        ("touch c.mcap && contid view c.mcap", "view"),
         ("contid reach hand", "plots"),
         (f"{CIRCLE} --fastest", "retime"),
         ("contid panel", "panel"),

@@ -15,6 +15,8 @@ from scipy.ndimage import gaussian_filter
 RAYS = 4
 #: Rows of rays that are inverted at a time: their arrays stay in the cache of the processor.
 ROWS = 8
+#: What a ray may miss its place by, in focal lengths: a thousandth of the pixels that a tag is found to.
+INVERTED = 1e-7
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,10 @@ class Lens:
             x, y = seen_x, seen_y
             for _ in range(20):
                 bent_x, bent_y = self.bent(x, y)
-                x, y = x + seen_x - bent_x, y + seen_y - bent_y
+                off_x, off_y = seen_x - bent_x, seen_y - bent_y
+                x, y = x + off_x, y + off_y
+                if max(np.abs(off_x).max(), np.abs(off_y).max()) < INVERTED:
+                    break
             found[:, row : row + ROWS] = x, y
         return found
 

@@ -32,9 +32,9 @@ def folder(tmp_path_factory):
     scene, rng = Scene.usual(), np.random.default_rng(1)
     video = cv2.VideoWriter(str(path / "tip.avi"), cv2.VideoWriter.fourcc(*"FFV1"), FPS, (640, 480))
     assert video.isOpened()
-    for k in range(40):
+    for k in range(20):
         tip, rotation = motion(k / FPS)
-        hidden = (10, 11, 12) if k in (20, 21) else ()
+        hidden = (10, 11, 12) if k in (10, 11) else ()
         video.write(cv2.cvtColor(scene.image(tip, rotation, rng, hidden=hidden), cv2.COLOR_GRAY2BGR))
     video.release()
     (path / "camera.yaml").write_text(setup().camera.text())
@@ -47,8 +47,8 @@ def test_a_video_becomes_rows_near_the_truth_and_an_overlay(folder):
     done = contid("track", "--camera", "tip.avi", "--print", "--overlay", "seen.png", cwd=folder)
     assert done.returncode == 0, done.stderr
     rows = list(csv.DictReader(io.StringIO(done.stdout)))
-    assert len(rows) == 38
-    assert "38 of 40 images measured" in done.stderr
+    assert len(rows) == 18
+    assert "18 of 20 images measured" in done.stderr
     assert "2 not: no tag of the tip is seen" in done.stderr
     off = []
     for row in rows:
@@ -148,10 +148,10 @@ def test_a_folder_of_images_calibrates(tmp_path):
     rng, lens = np.random.default_rng(2), Lens()
     studio = Studio(lens)
     (tmp_path / "boards").mkdir()
-    for k in range(14):
+    for k in range(10):
         angles = [180.0 + rng.uniform(-35, 35), rng.uniform(-35, 35), rng.uniform(-20, 20)]
         turn = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
-        at = [0.07 * ((k % 3) - 1), 0.05 * ((k // 3) % 3 - 1), rng.uniform(0.26, 0.36)]
+        at = [0.05 * ((k % 3) - 1), 0.035 * ((k // 3) % 3 - 1), rng.uniform(0.28, 0.36)]
         image = studio.image([chessboard(9, 6, 0.016, turn, at)], rng)
         cv2.imwrite(str(tmp_path / "boards" / f"{k:02}.png"), image)
     arguments = ["calibrate", "camera", "boards", "--board", "9x6", "--square-mm", "16", "-o", "camera.yaml"]
@@ -161,8 +161,8 @@ def test_a_folder_of_images_calibrates(tmp_path):
     assert written["focal_px"] == pytest.approx(lens.focal, rel=0.01)
     assert written["center_px"] == pytest.approx(lens.center, abs=5.0)
     # A board that is not there is looked for in every way.
-    for path in sorted((tmp_path / "boards").iterdir())[2:]:
+    for path in sorted((tmp_path / "boards").iterdir())[1:]:
         path.unlink()
     wrong = contid(*arguments[:4], "7x7", *arguments[5:], cwd=tmp_path)
     assert wrong.returncode == 2
-    assert "a board of 7 x 7 inner corners was found in 0 images that differ, of 2" in wrong.stderr
+    assert "a board of 7 x 7 inner corners was found in 0 images that differ, of 1" in wrong.stderr

@@ -190,10 +190,17 @@ def test_the_chain_needs_that_room(move: int) -> None:
 
 
 @pytest.mark.slow
-def test_the_room_for_the_swing_is_what_the_chain_needs() -> None:
+@pytest.mark.parametrize(
+    ("tries", "least_n"), [(8, 0.5), pytest.param(40, CHAIN_ROOM_N, marks=pytest.mark.campaign)]
+)
+def test_the_room_for_the_swing_is_what_the_chain_needs(
+    tries: int, least_n: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A short search comes within a tenth of a newton; that of the command finds all of it."""
+    monkeypatch.setattr("contid_dynamics.tension_swing._TRIES", tries)
     found = tension_swing(robot_with(0.0), SHAPE, moves=12)
     assert found.without == 0
-    assert CHAIN_ROOM_N <= found.swing_n < CHAIN_ROOM_N + 0.2
+    assert least_n <= found.swing_n < CHAIN_ROOM_N + 0.2
 
 
 def test_limits_without_room_for_the_swing_are_refused() -> None:

@@ -87,7 +87,7 @@ def command(
     from contid.robot_file.base import Quantity
     from contid.robot_file.load import load_named
     from contid_identify.printed import lines, motion_lines, numbers
-    from contid_identify.stages import Rests, identify
+    from contid_identify.stages import Rests, arm_of_form, identify, tip_motion
     from contid_identify.written import changes
 
     require_extra("contid identify", "scipy")
@@ -106,6 +106,8 @@ def command(
     if azimuths is not None and form != "arcs":
         raise ContidError("--azimuths-deg is for arcs of chambers; give --motion FILE --form arcs too")
     azimuths_rad = azimuths_of(azimuths)
+    loads_kg = [1e-3 * each for each in loads_g]
+    arm_of_form(name, robots[name], loads_kg, form or "map", azimuths_rad)  # refused before the long fits
     recordings = [recorded(path, name, robots[name], map_file) for path in sessions]
     rests = Rests(settle_s, ring_down, body) if ring_down or body else None
     found = identify(name, robots[name], recordings, rests)
@@ -116,13 +118,9 @@ def command(
             click.echo(line)
     if motion_file is not None:
         from contid_identify.chambers.file import write_motion
-        from contid_identify.stages import tip_motion
 
         source = f"{', '.join(path.name for path in sessions)} on {date.today().isoformat()}"
-        model = tip_motion(
-            name, robots[name], recordings, [1e-3 * each for each in loads_g], source, form or "map",
-            azimuths_rad,
-        )  # fmt: skip
+        model = tip_motion(name, robots[name], recordings, loads_kg, source, form or "map", azimuths_rad)
         if form is None and robots[name].quantity is Quantity.PRESSURE and not any(loads_g):
             click.echo(
                 "a pneumatic arm: the map is right only for patterns of pressure as they were recorded; "

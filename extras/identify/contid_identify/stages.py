@@ -18,11 +18,12 @@ from contid.robot_file.robot import RobotDescription
 from contid_identify.answer import CommandedTrace
 from contid_identify.body_fit import BodyFit, fit_body
 from contid_identify.chambers.fit import arm_of, fit_chamber_motion
-from contid_identify.chambers.motion import ChamberMotion
+from contid_identify.chambers.motion import ChamberArm, ChamberMotion
 from contid_identify.delay_lag import AxisAnswer, fit_axis
 from contid_identify.excitation import Excitation, excitation_of
 from contid_identify.recording import RobotRecording
 from contid_identify.ring_down import RingDown, decays_of, fit_ring_downs
+from contid_identify.sections.bent import ArmSections
 from contid_identify.sections.fit import sections_of
 from contid_identify.tip_answer import LEAST_TIPS, TipAnswer, fit_tip
 from contid_identify.tip_fit.trace_rows import LoadedTrace
@@ -200,16 +201,36 @@ def tip_motion(
         if len(each.tip_at_s) >= LEAST_TIPS
     ]
 
+    match arm_of_form(name, robot, loads, form, azimuths_rad):
+        case ChamberArm() as arm:
+            trace = [each.trace for each in traces]
+            return fit_chamber_motion(name, robot.axis_names, arm, trace, source)
+        case sections:
+            return fit_tip_motion(name, robot.axis_names, traces, statics, source, sections)
+
+
+def arm_of_form(
+    name: str,
+    robot: RobotDescription,
+    loads_kg: Sequence[float],
+    form: str,
+    azimuths_rad: Sequence[float | None] = (),
+) -> ArmSections | ChamberArm | None:
+    """What a form of the tip's motion begins with; None for ``map``. For the arguments see `tip_motion`.
+
+    Raises:
+        ContidError: the form is not for this robot, these payloads or this number of azimuths.
+    """
     if form == "bends":
+        model = build_model(robot)
         if not isinstance(model, TendonModel):
             raise ContidError(f"{name}: bends of sections are for `model: tendon`; use `--form map`")
-        return fit_tip_motion(name, robot.axis_names, traces, statics, source, sections_of(model))
+        return sections_of(model)
     if form != "arcs":
-        return fit_tip_motion(name, robot.axis_names, traces, statics, source)
-    if not isinstance(robot, Cosserat) or any(loads):
+        return None
+    if not isinstance(robot, Cosserat) or any(loads_kg):
         raise ContidError(f"{name}: arcs are for pneumatic arms without payloads; use `--form map`")
-    arm = arm_of(robot, azimuths_rad)
-    return fit_chamber_motion(name, robot.axis_names, arm, [each.trace for each in traces], source)
+    return arm_of(robot, azimuths_rad)
 
 
 def _statics(robot: RobotDescription, recordings: Sequence[RobotRecording]) -> list[Array] | None:

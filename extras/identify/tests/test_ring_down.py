@@ -56,14 +56,17 @@ def test_two_modes_are_separated_the_stronger_first() -> None:
     assert [mode.ratio.value for mode in found.modes] == pytest.approx([0.08, 0.05], rel=0.2)
 
 
-@pytest.mark.slow
-def test_intervals_hold_and_poses_are_apart() -> None:
+@pytest.mark.parametrize("seeds", [10, pytest.param(40, marks=pytest.mark.campaign)])
+def test_intervals_hold(seeds: int) -> None:
     held = 0
-    for seed in range(40):
+    for seed in range(seeds):
         (found,) = fit_ring_downs([decay(noisy(seed, swinging(3.0, 0.1, 0.02)))])
         interval = found.modes[0].frequency_hz
         held += interval.low <= 3.0 <= interval.high
-    assert 34 <= held <= 40
+    assert 0.85 * seeds <= held <= seeds
+
+
+def test_poses_are_apart() -> None:
     two = [decay(noisy(1, swinging(2.0, 0.1, 0.02))), decay(noisy(2, swinging(4.0, 0.1, 0.02)), 1.0)]
     assert sorted(each.modes[0].frequency_hz.value for each in fit_ring_downs(two)) == pytest.approx(
         [2.0, 4.0], rel=0.01

@@ -134,17 +134,17 @@ def served(both: tuple[Running, PanelProcess]) -> PanelProcess:
 
 
 @pytest.fixture(scope="module")
-def idle(browser: Browser) -> Page:
-    """A page that only lends its modules; it has no policy against `Function`."""
+def idle(browser: Browser, shared: tuple[Running, PanelProcess]) -> Page:
+    """A page that only lends its modules: it does not connect, and has no policy against `Function`."""
 
     @contextmanager
     def made() -> Iterator[Page]:
-        with armed_daemon(1, rate_hz=RATE_HZ) as started, panel(started) as served:
-            context = browser.new_context(bypass_csp=True)
-            page = context.new_page()
-            page.goto(served.url)
-            yield page
-            context.close()
+        context = browser.new_context(bypass_csp=True)
+        page = context.new_page()
+        page.route("**/static/main.js", lambda asked: asked.fulfill(content_type="text/javascript", body=""))
+        page.goto(shared[1].url)
+        yield page
+        context.close()
 
     return KEPT.get("idle", made)
 

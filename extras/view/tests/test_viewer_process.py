@@ -175,14 +175,17 @@ def test_the_served_page_is_on_loopback_and_under_a_policy(
 
 
 @pytest.mark.realtime
-def test_viewer_and_server_run_when_nothing_else_does(
+def test_a_page_of_a_running_robot_is_served_when_nothing_else_runs(
     tmp_path: Path, started: Callable[..., subprocess.Popen[str]]
 ) -> None:
-    """Policy and nice value of every thread, as the kernel reports them."""
+    """Policy and nice value of every thread, as the kernel reports them; the page ends with the run."""
     trajectory = tmp_path / "circle.csv"
-    trajectory.write_text(rows_of("hand", "--laps", "20"))
-    process = started("run", "hand", "--mock", "--view", "serve", "--trajectory", str(trajectory))
-    line_with(process.stderr, "http")
+    trajectory.write_text(rows_of("hand"))
+    source = ("--trajectory", str(trajectory), "--on-end", "hold")
+    process = started("run", "hand", "--mock", "--view", "serve", *source)
+    url = line_with(process.stderr, "view: http://127.0.0.1:").split("view: ")[1].strip()
+    with urllib.request.urlopen(url) as answer:
+        assert answer.status == 200
     viewers = children_with(process, "contid_view.viewer_process")
     servers = children_with(process, "--serve-web")
     assert viewers
@@ -196,6 +199,11 @@ def test_viewer_and_server_run_when_nothing_else_does(
             assert (int(fields[19 - 3]), int(fields[41 - 3])) == (10, os.SCHED_IDLE), each.cmdline()
     (control,) = children_with(process, "contid.control.process")
     assert os.sched_getscheduler(control.pid) & ~os.SCHED_RESET_ON_FORK in (os.SCHED_FIFO, os.SCHED_OTHER)
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=60)
+    assert process.returncode == 130
+    with pytest.raises(OSError, match="refused"):
+        urllib.request.urlopen(url)
 
 
 def test_a_page_without_a_server_behind_it_answers_502() -> None:
@@ -247,22 +255,6 @@ def test_invalid_targets_are_refused_before_the_run_starts(tmp_path: Path) -> No
         done = contid("run", "hand", "--mock", "--view", view, stdin=rows_of("hand"))
         assert done.returncode == 2
         assert message in done.stderr
-
-
-@pytest.mark.realtime
-def test_a_page_of_a_running_robot(tmp_path: Path, started: Callable[..., subprocess.Popen[str]]) -> None:
-    trajectory = tmp_path / "circle.csv"
-    trajectory.write_text(rows_of("hand"))
-    source = ("--trajectory", str(trajectory), "--on-end", "hold")
-    process = started("run", "hand", "--mock", "--view", "serve", *source)
-    line = line_with(process.stderr, "view: http://127.0.0.1:")
-    with urllib.request.urlopen(line.split("view: ")[1].strip()) as answer:
-        assert answer.status == 200
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=60)
-    assert process.returncode == 130
-    with pytest.raises(OSError, match="refused"):
-        urllib.request.urlopen(line.split("view: ")[1].strip())
 
 
 def test_the_environment_disables_the_statistics_of_rerun() -> None:

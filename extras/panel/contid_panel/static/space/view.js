@@ -32,6 +32,7 @@ export class View {
     try {
       this.renderer = new Renderer(this.canvas);
     } catch (error) {
+      pace.software = true; // no WebGL means no graphics card: the rest of the page is drawn by a program too
       this.problem = `The robots are not drawn: ${error.message}. Everything else works.`;
       setText(byId("view-note"), this.problem);
       return;
