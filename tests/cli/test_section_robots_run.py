@@ -20,7 +20,14 @@ PATHS = {
 }
 
 
-@pytest.mark.parametrize("name", PATHS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "corners",
+        "two segments, direction",
+        *(pytest.param(n, marks=pytest.mark.campaign) for n in ("traverse", "diagonal", "two segments")),
+    ],
+)
 def test_the_papers_paths_run(name, tmp_path):
     robot, shape = PATHS[name]
     path = CliRunner().invoke(cli, ["path", *shape, "--period", "20", "--rate", "10"], catch_exceptions=False)
