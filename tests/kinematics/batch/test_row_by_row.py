@@ -178,6 +178,6 @@ def test_tips_of_all_sizes_of_a_finger(model: Model, rows: int) -> None:
 
 @pytest.mark.slow
 def test_the_number_of_threads_changes_nothing(model: Model) -> None:
-    tips = Targets.of(reached(model, 200))
+    tips = Targets.of(reached(model, 80))
     one, many = (inverse_many(model, tips, box(model, 1), threads=count) for count in (1, 7))
     assert one.rows.tobytes() == many.rows.tobytes()
