@@ -25,7 +25,10 @@ PAGES = [
     if blocks(name := str(page.relative_to(ROOT)))
 ]
 #: Pages whose commands other tests run, with their figures: here in campaigns. In CI they are parsed.
-RARE = ("docs/first-hour.md", "docs/robots/dynamics.md", "docs/robots/identify.md", "docs/sessions.md")
+RARE = (
+    *("docs/first-hour.md", "docs/robots/dynamics.md", "docs/robots/identify.md", "docs/sessions.md"),
+    "docs/trajectories.md",
+)
 #: Commands fork. In campaigns those of the first page start as a reader starts them as well.
 STARTED = [
     *(pytest.param(page, marks=pytest.mark.campaign if page in RARE else ()) for page in PAGES),

@@ -17,7 +17,7 @@ from contid.targets import ZERO3
 from contid_ropes.ph.model import PhModel
 
 ROBOTS = ("finger", "trirack", "trirack2", "cbha", "cbha.ph", "stiffflop1", "stiffflop2")
-ROWS = 40
+ROWS = 24
 LOAD = (0.02, -0.03, -0.04)
 #: Answers to redundant tasks are settled to 1e-7 bar; out of reach they are found to about 2e-6 bar.
 SETTLED_PA = 0.2
