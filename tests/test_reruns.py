@@ -37,16 +37,24 @@ def test_steady(number):
 
 
 @pytest.mark.parametrize(
-    ("mark", "rate", "code"),
+    ("mark", "rate", "workers", "code"),
     [
-        ("@pytest.mark.realtime", None, 0),
-        ("@pytest.mark.realtime", "0.11", 0),
-        ("@pytest.mark.realtime", "0.09", 1),
-        ("", "0.11", 1),
+        ("@pytest.mark.realtime", None, (), 0),
+        ("@pytest.mark.realtime", "0.11", ("-n", "1"), 0),
+        ("@pytest.mark.realtime", "0.09", ("-n", "1"), 1),
+        ("", "0.11", (), 1),
+        *(
+            pytest.param(*case, marks=pytest.mark.campaign)
+            for case in (
+                ("@pytest.mark.realtime", None, ("-n", "1"), 0),
+                ("@pytest.mark.realtime", "0.11", (), 0),
+                ("@pytest.mark.realtime", "0.09", (), 1),
+                ("", "0.11", ("-n", "1"), 1),
+            )
+        ),
     ],
 )
-@pytest.mark.parametrize("workers", [(), ("-n", "1")], ids=["alone", "xdist"])
-def test_reruns(mark: str, rate: str | None, code: int, workers: tuple[str, ...], tmp_path: Path) -> None:
+def test_reruns(mark: str, rate: str | None, workers: tuple[str, ...], code: int, tmp_path: Path) -> None:
     (tmp_path / "conftest.py").write_text(HOOKS)
     (tmp_path / "test_unsteady.py").write_text(UNSTEADY.format(mark=mark))
     (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers =\n  realtime: as in contid\n")

@@ -39,6 +39,13 @@ def texts() -> Iterator[tuple[str, str]]:
         yield path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")
 
 
+def may_have_banned(text: str) -> bool:
+    """False for most texts, ten times faster than the pattern; underscores part words."""
+    text = text.lower().replace("_", " ")
+    phrases = (each for each in BANNED if " " in each)
+    return not set(re.findall("[a-z]+", text)).isdisjoint(BANNED) or any(each in text for each in phrases)
+
+
 def is_extras_test(path: Path) -> bool:
     return path.relative_to(ROOT).match("extras/*/tests/*")
 
@@ -53,6 +60,7 @@ def test_no_banned_word() -> None:
     found = [
         f"{path}:{number}: {match[0]!r} in {line.strip()}"
         for path, text in texts()
+        if may_have_banned(text)
         for number, line in enumerate(text.splitlines(), start=1)
         for match in [BANNED_WORD.search(line)]
         if match and QUOTATIONS.get(path, "\0") not in line
@@ -65,8 +73,8 @@ def test_no_banned_word_in_tests() -> None:
     found = [
         f"{path.relative_to(ROOT).as_posix()}:{number}: {match[0]!r} in {line.strip()}"
         for path in python_files("tests", "extras/*/tests")
-        if path != Path(__file__)
-        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1)
+        if path != Path(__file__) and may_have_banned(text := path.read_text(encoding="utf-8"))
+        for number, line in enumerate(text.splitlines(), start=1)
         for name in [re.search(r"\b(?:def|class) (\w+)", line)]
         for match in [BANNED_WORD.search(line), BANNED_WORD.search(name[1].replace("_", " ") if name else "")]
         if match and match[0].lower() != "words"
@@ -84,6 +92,13 @@ def test_the_list_of_quotations_is_current() -> None:
 @pytest.mark.parametrize("text", ["def is_told():", "someone's arm", "What Nobody measured", "_words = 1"])
 def test_the_pattern_finds_terms_and_parts_of_names(text: str) -> None:
     assert BANNED_WORD.search(text)
+    assert may_have_banned(text)
+
+
+@pytest.mark.parametrize("term", BANNED)
+def test_no_term_is_missed_by_the_quick_look(term: str) -> None:
+    assert may_have_banned(f"A_{term.replace(' ', '_')}.")
+    assert may_have_banned(f"(It {term.upper()})")
 
 
 @pytest.mark.parametrize("text", ["of course", "unknown", "essay", "housekeeping", "tellurium", "passwords"])
@@ -93,14 +108,14 @@ def test_the_pattern_leaves_other_text_alone(text: str) -> None:
 
 # Classes whose name occurs twice, until one of them is renamed. The list only shrinks.
 DOUBLE_CLASSES = frozenset[str]()
+CLASS = re.compile(r"^ *class (\w+) *[:(\[]", re.MULTILINE)
 
 
 def test_no_class_name_in_two_modules() -> None:
     modules = defaultdict(set)
     for path in python_files("contid", "drivers", "extras/*/contid_*", "studies"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ClassDef):
-                modules[node.name].add(path.relative_to(ROOT).as_posix())
+        for match in CLASS.finditer(path.read_text(encoding="utf-8")):
+            modules[match[1]].add(path.relative_to(ROOT).as_posix())
     double = {name: sorted(paths) for name, paths in modules.items() if len(paths) > 1}
     assert double.keys() <= DOUBLE_CLASSES, double
 
@@ -174,8 +189,15 @@ IMPORTED_TESTS = frozenset[str]()
 TEST_MODULE = re.compile(r"tests\.(?:\w+\.)*?test_\w+")
 
 
+#: An import that may be of a test; only such files are parsed.
+TEST_IMPORT = re.compile(r"^\s*from tests\S* import (?:\([^)]*|[^\n]*)", re.MULTILINE)
+
+
 def imported_names(path: Path) -> Iterator[str]:
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    text = path.read_text(encoding="utf-8")
+    if not any("test_" in match[0] for match in TEST_IMPORT.finditer(text)) and "import tests" not in text:
+        return
+    for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.ImportFrom) and node.module:
             yield from (f"{node.module}.{each.name}" for each in node.names)
         elif isinstance(node, ast.Import):
@@ -254,6 +276,7 @@ def test_a_stem_has_one_meaning(stem: str) -> None:
         for folder in FEW_POSITIONAL
         if folder not in places
         for path in python_files(folder)
+        if stem in path.read_text(encoding="utf-8").lower()
         for name in identifiers(path)
         if name not in places and stem in {token.lower() for token in TOKEN.findall(name)}
     }

@@ -26,7 +26,7 @@ from tests.clearance.around import (
 from tests.kernels.arc_cases import metric
 from tests.oracles import section_limits, twists
 
-ARMS = pytest.mark.parametrize("sections", [2, 3])
+ARMS = pytest.mark.parametrize("sections", [2, pytest.param(3, marks=pytest.mark.campaign)])
 
 
 def tip_of(solver, lengths):

@@ -68,7 +68,7 @@ def test_random_targets_never_bring_the_fingers_of_a_close_hand_together():
     kept, rng = Kept(loaded), np.random.default_rng(3)
     process = VirtualProcess(loaded, 200.0, kept, attended=True)
     process.engine.arm()
-    for tick in range(2500):
+    for tick in range(1300):
         process.begin()
         if tick > 100 and rng.random() < 0.02:
             middle, bend = rng.uniform(0.03, 0.08, 2), rng.uniform(-0.02, 0.02, 2)

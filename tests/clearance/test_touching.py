@@ -162,7 +162,7 @@ def _beside(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tip_radius_mm", [0, 3, 7])
+@pytest.mark.parametrize("tip_radius_mm", [0, pytest.param(3, marks=pytest.mark.campaign), 7])
 def test_no_pair_of_fingers_is_accepted_inside_each_other(tip_radius_mm: float) -> None:
     seen = compare(hand(tip_radius_mm=tip_radius_mm), 150, 7)
     assert seen["wrong"] == 0, seen
@@ -172,7 +172,14 @@ def test_no_pair_of_fingers_is_accepted_inside_each_other(tip_radius_mm: float) 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "apart_mm"), [("tendon3", 120.0), ("trirack2", 150.0), ("ftdcr_v4", 80.0)])
+@pytest.mark.parametrize(
+    ("name", "apart_mm"),
+    [
+        pytest.param("tendon3", 120.0, marks=pytest.mark.campaign),
+        ("trirack2", 150.0),
+        pytest.param("ftdcr_v4", 80.0, marks=pytest.mark.campaign),
+    ],
+)
 def test_no_pair_of_arms_is_accepted_inside_each_other_or_itself(name: str, apart_mm: float) -> None:
     guard = arms(name, apart_mm, {"radius_mm": 9, "tip_free_mm": 15, "tip_radius_mm": 4})
     seen = compare(guard, 100, 8)

@@ -20,7 +20,14 @@ PATHS = {
 }
 
 
-@pytest.mark.parametrize("name", PATHS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "corners",
+        "two segments, direction",
+        *(pytest.param(n, marks=pytest.mark.campaign) for n in ("traverse", "diagonal", "two segments")),
+    ],
+)
 def test_the_papers_paths_run(name, tmp_path):
     robot, shape = PATHS[name]
     path = CliRunner().invoke(cli, ["path", *shape, "--period", "20", "--rate", "10"], catch_exceptions=False)
@@ -38,7 +45,9 @@ def test_the_papers_paths_run(name, tmp_path):
 
 @pytest.mark.process
 @pytest.mark.true_process  # a forked one ends without what the interpreter does at its exit
-@pytest.mark.parametrize(("name", "z_mm"), [("tendon3", 280), ("stiffflop2", 110)])
+@pytest.mark.parametrize(
+    ("name", "z_mm"), [pytest.param("tendon3", 280, marks=pytest.mark.campaign), ("stiffflop2", 110)]
+)
 def test_a_real_run_frees_its_kernels(name, z_mm, tmp_path):
     """Its process runs with a frozen collector: what a cycle of references keeps, nanobind reports."""
     rows = tmp_path / "rest.csv"

@@ -36,7 +36,14 @@ def shell(line: str, folder: Path, **environment: str) -> subprocess.CompletedPr
 
 @pytest.mark.parametrize(
     "command",
-    ["schema", "path circle --center 50,70 --radius 20 --period 4", "check finger", "ik finger rows.csv"],
+    [
+        "schema",
+        *(
+            pytest.param(command, marks=pytest.mark.campaign)
+            for command in ("path circle --center 50,70 --radius 20 --period 4", "ik finger rows.csv")
+        ),
+        "check finger",
+    ],
 )
 def test_a_full_disk_is_named(command: str, tmp_path: Path) -> None:
     done = shell(f"contid {command} > /dev/full", tmp_path)
@@ -44,13 +51,21 @@ def test_a_full_disk_is_named(command: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "command", ["check hand", "path circle --center 50,70 --radius 20 --period 400", "schema"]
+    "command",
+    [
+        pytest.param("check hand", marks=pytest.mark.campaign),
+        "path circle --center 50,70 --radius 20 --period 400",
+        pytest.param("schema", marks=pytest.mark.campaign),
+    ],
 )
 def test_a_reader_that_goes_away_is_no_failed_comparison(command: str, tmp_path: Path) -> None:
     assert shell(f"set -o pipefail; contid {command} | head -n 1", tmp_path).returncode == 0
 
 
-@pytest.mark.parametrize("redirection", [">&-", "2>&-", "<&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize(
+    "redirection",
+    [">&-", *(pytest.param(each, marks=pytest.mark.campaign) for each in ("2>&-", "<&-")), "<&- >&- 2>&-"],
+)
 def test_closed_streams_are_empty_ones(redirection: str, tmp_path: Path) -> None:
     assert (
         shell(
@@ -66,7 +81,7 @@ def test_rows_from_a_closed_stdin_are_no_rows(tmp_path: Path) -> None:
     assert (done.returncode, "no rows" in done.stderr) == (2, True)
 
 
-@pytest.mark.parametrize("limit", [7, 8, 9])
+@pytest.mark.parametrize("limit", [7, 8, pytest.param(9, marks=pytest.mark.campaign)])
 def test_too_few_descriptors_are_named(tmp_path: Path, limit: int) -> None:
     done = shell(f"ulimit -n {limit}; contid run finger --mock --socket ./s", tmp_path)
     assert (done.returncode, "Too many open files: raise the limit (ulimit -n)" in done.stderr) == (2, True)

@@ -24,8 +24,16 @@ PAGES = [
     for page in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
     if blocks(name := str(page.relative_to(ROOT)))
 ]
+#: Pages whose commands other tests run, with their figures: here in campaigns. In CI they are parsed.
+RARE = (
+    *("docs/first-hour.md", "docs/robots/dynamics.md", "docs/robots/identify.md", "docs/sessions.md"),
+    "docs/trajectories.md",
+)
 #: Commands fork. In campaigns those of the first page start as a reader starts them as well.
-STARTED = [*PAGES, pytest.param("README.md", marks=pytest.mark.campaign, id="README.md as a reader")]
+STARTED = [
+    *(pytest.param(page, marks=pytest.mark.campaign if page in RARE else ()) for page in PAGES),
+    pytest.param("README.md", marks=pytest.mark.campaign, id="README.md as a reader"),
+]
 
 
 @pytest.mark.process
@@ -60,6 +68,10 @@ def test_the_commands_of_a_page_run(page: str, tmp_path: Path) -> None:
         )
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
     assert "Traceback" not in done.stderr
+
+
+def test_rare_pages_are_pages() -> None:
+    assert set(RARE) < set(PAGES)
 
 
 def test_no_two_pages_record_to_the_same_file() -> None:

@@ -19,6 +19,19 @@ pytestmark = pytest.mark.process
 ROOT = Path(__file__).parent.parent.parent
 
 
+#: The site takes eight seconds to build. Links are checked in CI by test_links, names by test_library.
+site_is_built = pytest.mark.campaign
+
+
+def test_the_navigation_has_pages_of_docs_once_each() -> None:
+    """The short form: by the file of the site, without building it."""
+    navigation = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").split("\nnav:\n")[1]
+    listed = re.findall(r"(?<=[ :])([\w/-]+\.md)$", navigation, re.MULTILINE)
+    pages = {page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").rglob("*.md")}
+    assert set(listed) <= pages  # a hook appends the others
+    assert len(listed) == len(set(listed))
+
+
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for package in ("material", "mkdocstrings"):
@@ -36,6 +49,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@site_is_built
 def test_every_page_of_docs_is_in_the_navigation_of_the_first_page(site: Path) -> None:
     first = (site / "index.html").read_text(encoding="utf-8")
     linked = set(re.findall(r'href="([^"#]+)"[^>]*class="md-nav__link', first))
@@ -45,6 +59,7 @@ def test_every_page_of_docs_is_in_the_navigation_of_the_first_page(site: Path) -
     assert not missing
 
 
+@site_is_built
 def test_every_relative_link_of_the_built_pages_leads_to_a_file(site: Path) -> None:
     dead = []
     for page in site.rglob("*.html"):
@@ -59,6 +74,7 @@ def test_every_relative_link_of_the_built_pages_leads_to_a_file(site: Path) -> N
     assert not dead
 
 
+@site_is_built
 def test_the_api_page_has_every_public_name_and_method(site: Path) -> None:
     text = (site / "api" / "index.html").read_text(encoding="utf-8")
     anchors = set(re.findall(r'id="(contid\w*\.[\w.]+)"', text))
@@ -77,6 +93,7 @@ def test_the_api_page_has_every_public_name_and_method(site: Path) -> None:
     assert {f"contid.hal.{name}" for name in documented} <= anchors
 
 
+@site_is_built
 def test_the_search_finds_pages_by_their_text(site: Path) -> None:
     index = (site / "search" / "search_index.json").read_text(encoding="utf-8")
     for text in ("axis-silent", "Troubleshooting by symptom", "bending_gain"):

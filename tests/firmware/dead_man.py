@@ -79,7 +79,7 @@ def start(elf: Path, watchdog_ms: int, pressure: bool) -> tuple[Sam3x, Host, Cal
     motors = Motors(board)
     host.configure(watchdog_ms=watchdog_ms)
     host.arm()
-    for i in range(10):
+    for i in range(5):
         board.run_ms(PERIOD_MS)
         host.demand(dict.fromkeys(range(6), 60 * i))
     assert all(motors.duty(channel) for channel in range(6))

@@ -74,7 +74,7 @@ def test_an_open_track_at_the_pins_of_the_sketch(speed_deg_s):
     host.demand({})
     start = 0.0
     for ms in range(0, 900, 10):
-        if ms == 200:
+        if ms == 100:
             plant.open(2)
             start = plant.shaft[2]
         host.demand({2: round(speed_deg_s * DEGREE * ms / 1000)})

@@ -37,7 +37,7 @@ def test_six_moving_motors_lose_no_exchange_on_the_programming_port(cycles_per_i
 
 @pytest.mark.slow
 def test_nine_motors_on_two_boards_take_less_than_a_millisecond():
-    boards = [measure(build_sketch(), 1.5, 8, motors, usb=True) for motors in (6, 3)]
+    boards = [measure(build_sketch(), 1.5, 4, motors, usb=True) for motors in (6, 3)]
     assert all((board.lost, board.resets, board.armed) == (0, 0, True) for board in boards)
     assert sum(board.worst_ms for board in boards) < 1, "one board after the other"
 

@@ -98,6 +98,7 @@ def test_trirack_follows_its_rows(tmp_path: Path, name: str):
 
 @pytest.mark.slow
 @pytest.mark.realtime
+@pytest.mark.campaign  # in CI the pressure board's machine code runs in test_dead_man, such runs in wire/due
 @pytest.mark.parametrize("name", ["ziglang", "flashed"])
 def test_stiffflop2_follows_its_rows(tmp_path: Path, name: str):
     given = (str(elf(name)), "--pressure")

@@ -90,8 +90,9 @@ def test_pins_are_used_once():
     assert len({row[1] for row in rows}) == len({row[5] for row in rows}) == 6
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_fuzzer():
+    """The vectors, which are its seeds, run in CI (test_vectors)."""
     inputs = os.environ.get("CONTID_FUZZ_INPUTS", "10000")
     command = [sys.executable, str(firmware_dir() / "fuzz.py"), inputs]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

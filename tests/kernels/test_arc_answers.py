@@ -84,7 +84,7 @@ def test_out_of_reach_no_multistart_of_random_postures_ends_nearer(name):
     feasible = ARMS[name]()
     solver, chain = build_solver(feasible), twists.of_tubes(feasible.sections)
     rng = np.random.default_rng(8)
-    postures = random_lengths(feasible, 3000, seed=9)
+    postures = random_lengths(feasible, 1500, seed=9)
     tips = np.array([solver.forward(tuple(row)).tip for row in postures.tolist()])
     for _ in range(6):
         away = rng.normal(size=3) * (1.0, 1.0, 0.6)

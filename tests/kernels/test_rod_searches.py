@@ -20,7 +20,10 @@ def solvers() -> dict[tuple[int, bool], RodSolver]:
     return solvers_of(arms())
 
 
-@pytest.mark.parametrize("row", ROWS, ids=[f"{k}" for k in range(len(ROWS))])
+@pytest.mark.parametrize(
+    "row",
+    [pytest.param(row, marks=pytest.mark.campaign if k % 3 else (), id=f"{k}") for k, row in enumerate(ROWS)],
+)
 def test_a_search_ends_where_it_did_and_on_the_branch(
     row: dict[str, Any], solvers: dict[tuple[int, bool], RodSolver]
 ) -> None:

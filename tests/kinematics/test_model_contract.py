@@ -85,7 +85,10 @@ def test_no_target_raises_or_leads_outside_the_limits(
         assert not solution.converged
 
 
-@pytest.mark.parametrize("away_m", [1e3, 1e7, 1e30, 1e200, 1e307])
+@pytest.mark.parametrize(
+    "away_m",
+    [1e3, *(pytest.param(away_m, marks=pytest.mark.campaign) for away_m in (1e7, 1e30, 1e200)), 1e307],
+)
 def test_the_answer_to_a_far_target_is_the_posture_farthest_in_its_direction(
     named: tuple[str, Model], away_m: float
 ) -> None:

@@ -292,7 +292,7 @@ def test_levenberg_marquardt_agrees_with_the_closed_form_where_it_converges() ->
     assert 2.5 < np.mean(iterations) < 4.5  # reference A5: 3.42
     rng = np.random.default_rng(0)
     wrong = 0
-    for _ in range(200):
+    for _ in range(60):
         racks = model.kernel.clamp(*rng.uniform(0.02, 0.1, 2).tolist())
         tip = model.forward(racks).tip_m
         found = solve(tip[0] * 1e3, tip[1] * 1e3, 22, start=(0.01, 50))

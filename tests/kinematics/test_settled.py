@@ -34,7 +34,7 @@ def test_an_answer_solved_again_does_not_move(name, directed):
     solver = build_solver(feasible)
     rng = np.random.default_rng(16)
     home = tuple(feasible.home.tolist())
-    for _ in range(300):
+    for _ in range(100):
         tip, tangent = tip_and_tangent(feasible, random_posture(feasible, rng, np.pi / 3))
         goal = tuple(tip.tolist()), tuple(tangent.tolist()) if directed else None, None
         first = solver.solve(*goal, home)

@@ -52,7 +52,7 @@ QUANTITIES = [
 ]
 
 
-@pytest.mark.parametrize("name", QUANTITIES)
+@pytest.mark.parametrize("name", ["stiffflop1", pytest.param("finger", marks=pytest.mark.campaign)])
 def test_it_is_driven_beside_the_model(name: str, tmp_path: Path, configs: Path) -> None:
     ((name_of, robot),) = load_robot_file(with_extra(configs, tmp_path, name)).file.robots.items()
     axis, unit = robot.extra_axis_names[0], robot.quantity.unit
@@ -125,7 +125,7 @@ def with_wrist(configs: Path, folder: Path, name: str, **change: object) -> Path
     return path
 
 
-@pytest.mark.parametrize("name", QUANTITIES)
+@pytest.mark.parametrize("name", ["finger", pytest.param("stiffflop1", marks=pytest.mark.campaign)])
 def test_a_wrist_turns_in_degrees_beside_any_model(name: str, tmp_path: Path, configs: Path) -> None:
     """From the column to the device, exports and a replay; oracle: the angle of the servo."""
     ((name_of, robot),) = load_robot_file(with_wrist(configs, tmp_path, name)).file.robots.items()

@@ -34,7 +34,14 @@ def arrived(found: Run) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("stiffness", "friction"), [(0.5, 0.8), (0.5, 1.2), (3.0, 1.0), (50.0, 0.8), (50.0, 1.2)]
+    ("stiffness", "friction"),
+    [
+        pytest.param(0.5, 0.8, marks=pytest.mark.campaign),
+        (0.5, 1.2),
+        pytest.param(3.0, 1.0, marks=pytest.mark.campaign),
+        (50.0, 0.8),
+        pytest.param(50.0, 1.2, marks=pytest.mark.campaign),
+    ],
 )
 def test_the_object_feels_the_force_asked_for_and_no_more(stiffness: float, friction: float) -> None:
     found = run(hand(stiffness), closing(GOAL_N), friction_in_contact=friction)
@@ -91,7 +98,9 @@ def test_an_object_that_is_taken_away_is_an_event_and_the_finger_stays() -> None
     assert np.ptp(found.commands[-300:], axis=0).max() == 0.0
 
 
-@pytest.mark.parametrize("order", [msg.Hold(), msg.Resume(), msg.Stop(), msg.Estop()])
+@pytest.mark.parametrize(
+    "order", [msg.Hold(), pytest.param(msg.Resume(), marks=pytest.mark.campaign), msg.Stop(), msg.Estop()]
+)
 def test_any_order_releases_the_force(order: msg.Message) -> None:
     found = run(hand(3.0), closing(GOAL_N, {1600: [order]}))
     assert ends(found) == ["reached"]
@@ -101,11 +110,11 @@ def test_any_order_releases_the_force(order: msg.Message) -> None:
 
 
 def test_an_order_during_the_closing_ends_it() -> None:
-    found = run(hand(3.0), closing(GOAL_N, {600: [msg.Hold()]}))
+    found = run(hand(3.0), closing(GOAL_N, {600: [msg.Hold()]}), seconds=5.0)
     assert ends(found) == []
     assert not arrived(found)
     assert max(found.push_n) == 0.0
-    found = run(hand(3.0), closing(GOAL_N, {600: [msg.Goto("left", BEFORE)]}))
+    found = run(hand(3.0), closing(GOAL_N, {600: [msg.Goto("left", BEFORE)]}), seconds=6.0)
     assert ends(found) == []
     assert found.states[-1].squeeze is None
     assert arrived(found)

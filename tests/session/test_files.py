@@ -32,7 +32,7 @@ from tests.support.fingers import load
 pytestmark = pytest.mark.process
 
 #: Truncations tried per file; CI runs the short form, ``CONTID_CAMPAIGN=1`` forty times as many.
-CUTS = 4000 if os.environ.get("CONTID_CAMPAIGN") else 100
+CUTS = 4000 if os.environ.get("CONTID_CAMPAIGN") else 40
 
 
 def _values(path: Path) -> list[list[float]]:

@@ -53,6 +53,7 @@ def test_damped_least_squares(golden, solver):
     np.testing.assert_allclose(error[-1], GOLDEN[golden]["end_err"], atol=1e-9)
 
 
+@pytest.mark.campaign
 def test_feedback_cures_the_drift_and_a_smaller_damping_does_not():
     def worst(lengths):
         return np.max(np.linalg.norm(forward(SECTIONS, lengths).tip - PATH.tips_m, axis=-1)) * 1e3
@@ -69,6 +70,7 @@ def test_feedback_cures_the_drift_and_a_smaller_damping_does_not():
     assert worst(singh.dls_with_feedback(SECTIONS, PATH.tips_m, start, 0.5, 20)) < 1e-10
 
 
+@pytest.mark.campaign
 def test_many_paths_at_once_are_the_same_as_one_by_one():
     rng = np.random.default_rng(0)
     paths = [singh.random_trajectory(rng) for _ in range(3)]
@@ -144,6 +146,7 @@ def test_the_gradient_of_a_network(bounded):
         assert by_input[index] == pytest.approx(slope, abs=1e-8)
 
 
+@pytest.mark.campaign
 def test_a_small_network_is_trained_saved_and_loaded(tmp_path):
     reported = []
     recipe = Recipe(hidden=10, levels=3, noise_m=0.0, iterations=150)

@@ -85,7 +85,7 @@ def test_a_dwell_stays_a_dwell() -> None:
     assert np.any(coefficients[3, 1:, 0] != 0.0)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(
     steps=st.lists(st.floats(-4.0, 2.0).map(lambda power: 10.0**power), min_size=2, max_size=12),
     seed=st.integers(0, 2**32 - 1),

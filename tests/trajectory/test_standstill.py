@@ -70,7 +70,7 @@ def test_a_stop_keeps_its_limits_and_its_derivatives_agree(velocity: tuple[float
     assert np.abs(np.diff(push, axis=0)).max(initial=0.0) <= JERK * step * (1 + 1e-6)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(
     velocity=st.tuples(speeds, speeds),
     acceleration=st.tuples(st.floats(-ACCELERATION, ACCELERATION), st.floats(-ACCELERATION, ACCELERATION)),

@@ -92,8 +92,8 @@ def logs(robot_file: Path) -> Sequence[dict[str, Any]]:
     return [to_json(event) for event in events if isinstance(event, LogWritten)]
 
 
-def test_a_warning_of_a_driver_is_on_stderr_in_status_and_in_the_recording(hand: Path) -> None:
-    with running(hand, "--disarmed") as process:
+def test_records_of_a_verbose_run_are_on_stderr_in_status_and_in_the_recording(hand: Path) -> None:
+    with running(hand, "--disarmed", "-v") as process:
         warnings = status_with_warnings(hand)["warnings"]
         command = [sys.executable, "-m", "contid", "status", "--socket", str(hand.with_name("s.sock"))]
         shown = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, check=True).stdout
@@ -110,6 +110,9 @@ def test_a_warning_of_a_driver_is_on_stderr_in_status_and_in_the_recording(hand:
             "event": "log", "process": "control", "level": "warning",
             "logger": warning["logger"], "message": warning["message"],
         }  # fmt: skip
+    debug = [event for event in logs(hand) if event["level"] == "debug"]
+    assert {event["process"] for event in debug} == {"control", "daemon"}
+    assert all(f"contid: debug: {event['message']}\n" in stderr for event in debug)
 
 
 def test_quiet_hides_information_on_stderr_but_not_in_the_recording(hand: Path) -> None:
@@ -121,15 +124,6 @@ def test_quiet_hides_information_on_stderr_but_not_in_the_recording(hand: Path) 
     (recorded,) = [event for event in logs(hand) if event["process"] == "daemon"]
     assert (recorded["level"], recorded["logger"]) == ("info", "contid.control.daemon.daemon")
     assert recorded["message"].startswith("Stopping")
-
-
-def test_verbose_prints_and_records_debug_records(hand: Path) -> None:
-    with running(hand, "--disarmed", "-v") as process:
-        status_with_warnings(hand)
-        stderr = stop(process)
-    debug = [event for event in logs(hand) if event["level"] == "debug"]
-    assert {event["process"] for event in debug} == {"control", "daemon"}
-    assert all(f"contid: debug: {event['message']}\n" in stderr for event in debug)
 
 
 def test_a_wrong_row_is_in_the_recording_of_a_run_in_virtual_time(tmp_path: Path, configs: Path) -> None:

@@ -13,10 +13,10 @@ from contid.robot_file.load import load_named
 
 #: Greatest ratio, robot time of a look and of its parts [s], and how often it is looked at least and at most.
 MOST, LOOK_S, PART_S, LEAST, LOOKS = 1.5, 2.0, 0.5, 2, 6
-SHORT = ("finger", "stiffflop2", "tendon3", "trirack2")
+SHORT = ("finger", "tendon3", "trirack2")
 LONG = (
     "bend1", "catheter", "cbha", "chain", "chambers3", "ftdcr_v4", "hand", "planar2", "stiffflop1",
-    "trirack", "trunk",
+    "stiffflop2", "trirack", "trunk",
 )  # fmt: skip
 
 

@@ -17,12 +17,12 @@ from tests.control.engine.streamed import CIRCLE_M, CIRCLE_S, Run, circle, middl
     ("rate_hz", "jitter_s", "lost", "most", "error_m"),
     [
         (10.0, 0.0, 0.0, 2.0, 1e-4),
-        (20.0, 0.005, 0.0, 2.0, 1e-4),
-        (50.0, 0.0, 0.0, 1.3, 3e-5),
+        pytest.param(20.0, 0.005, 0.0, 2.0, 1e-4, marks=pytest.mark.campaign),
+        pytest.param(50.0, 0.0, 0.0, 1.3, 3e-5, marks=pytest.mark.campaign),
         (50.0, 0.005, 0.01, 3.0, 1e-4),
-        (60.0, 0.0, 0.0, 1.3, 3e-5),
+        pytest.param(60.0, 0.0, 0.0, 1.3, 3e-5, marks=pytest.mark.campaign),
         (100.0, 0.005, 0.0, 1.3, 3e-5),
-        (200.0, 0.002, 0.0, 1.3, 3e-5),
+        pytest.param(200.0, 0.002, 0.0, 1.3, 3e-5, marks=pytest.mark.campaign),
         (500.0, 0.005, 0.0, 1.3, 3e-5),
     ],
 )
@@ -52,8 +52,8 @@ def test_a_smooth_path_stays_smooth(
     assert not followed.limited[on].any()
 
 
-@pytest.mark.parametrize("rate_hz", [20.0, 100.0, 200.0])
-@pytest.mark.parametrize("held_s", [0.012, 0.03, 0.045])
+@pytest.mark.parametrize("rate_hz", [20.0, pytest.param(100.0, marks=pytest.mark.campaign), 200.0])
+@pytest.mark.parametrize("held_s", [pytest.param(0.012, marks=pytest.mark.campaign), 0.03, 0.045])
 def test_a_writer_that_stood_still_is_not_felt(rate_hz: float, held_s: float) -> None:
     """Rows that a busy host held back come at once: no limit, little jerk, on the path again."""
     run = Run("finger")
@@ -72,7 +72,7 @@ def test_a_writer_that_stood_still_is_not_felt(rate_hz: float, held_s: float) ->
 @pytest.mark.parametrize(
     ("rate_hz", "jitter_s"), [(20.0, 0.01), (50.0, 0.01), (50.0, 0.02), (100.0, 0.01), (200.0, 0.01)]
 )
-@pytest.mark.parametrize("seed", [1, 4])
+@pytest.mark.parametrize("seed", [1, pytest.param(4, marks=pytest.mark.campaign)])
 def test_a_stream_that_ends_amid_a_motion_goes_no_farther_than_its_stop(
     rate_hz: float, jitter_s: float, seed: int
 ) -> None:

@@ -14,7 +14,7 @@ from contid.targets import Target, Vec3
 from tests.control.engine.streamed import Followed, Run, middle
 
 #: Times into a fast line to and fro at which the order comes: about a turning point, and in the middle.
-TIMES_S = (1.9, 2.0, 2.15)
+TIMES_S = (2.0, *(pytest.param(time_s, marks=pytest.mark.campaign) for time_s in (1.9, 2.15)))
 ROBOTS = ("finger", "trirack", "stiffflop1")
 
 

@@ -56,7 +56,7 @@ def violent(model: TendonModel, seed: int, seconds: float) -> list[Row]:
     return rows
 
 
-@pytest.mark.parametrize("seed", [1, 4, *(pytest.param(k, marks=pytest.mark.slow) for k in range(5, 15))])
+@pytest.mark.parametrize("seed", [1, 4, *(pytest.param(k, marks=pytest.mark.campaign) for k in range(5, 15))])
 @pytest.mark.parametrize("name", ROBOTS)
 def test_limits_hold_whatever_the_rows_do(name: str, seed: int) -> None:
     run = Run(name)

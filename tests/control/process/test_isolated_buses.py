@@ -93,6 +93,7 @@ SIMILAR = (
     "raise lost", "interrupt", "recursion", "exit in C", "another program", "SIGKILL", "SIGTERM",
     "hang in a loop", "slow in a loop", "slow with the GIL", "forks", "forks that compute",
     "flood of stderr", "None", "text as values", "no samples", "other axes", "open exits", "disable hangs",
+    "abort", "flood of stdout", "a daemon", "descriptors closed",
 )  # fmt: skip
 TRIED = [
     pytest.param(kind, marks=[pytest.mark.campaign] if kind in SIMILAR else [], id=kind)

@@ -97,7 +97,8 @@ SIMILAR = (
     "raise lost", "raise of its own", "interrupt", "recursion", "exit in C", "another program", "SIGKILL",
     "SIGTERM", "hang in a loop", "slow", "slow in a loop", "slow with the GIL", "forks", "forks that compute",
     "computes for long", "flood of stderr", "text", "no axes", "None as residual", "text as an axis",
-    "build exits",
+    "build exits", "abort", "flood of stdout", "a daemon", "descriptors closed", "too few axes",
+    "a number as axes",
 )  # fmt: skip
 TRIED = [
     pytest.param(kind, marks=[pytest.mark.campaign] if kind in SIMILAR else [], id=kind)

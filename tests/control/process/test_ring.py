@@ -109,7 +109,7 @@ from pathlib import Path
 from contid.control.process.ring_writer import RingWriter
 from tests.control.process.test_ring import values
 writer, contents = RingWriter(Path(sys.argv[1])), values(3)
-for _ in range(200_000):
+for _ in range(40_000):
     writer.write(contents)
 writer.finish()
 """
@@ -126,7 +126,7 @@ def test_the_number_of_records_never_falls_while_another_process_writes(path: Pa
                 assert written >= last, f"{written} after {last}"
                 last = written
     assert process.returncode == 0
-    assert reader.written == 200_000
+    assert reader.written == 40_000
     reader.close()
 
 

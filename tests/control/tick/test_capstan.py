@@ -89,7 +89,7 @@ def both(request: pytest.FixtureRequest) -> tuple[np.ndarray, np.ndarray]:
     (config,) = build_robot_configs(file, 100.0)
     errors = []
     for each in (config, replace(config, play=None, capstan=None)):
-        asked, got = followed(each, Emulated(file), 700)
+        asked, got = followed(each, Emulated(file), 400)
         errors.append(np.abs(got - asked)[150:].max(axis=1))
     return errors[0], errors[1]
 

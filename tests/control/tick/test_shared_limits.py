@@ -79,7 +79,7 @@ def test_axes_at_any_pace_stop_before_the_limits_they_share(name: str) -> None:
     middle = Target(actuation=tuple((0.5 * (low + high)).tolist()))
     start = config.model.inverse(middle, config.rest).actuation
     farthest, near = -np.inf, 0
-    for _ in range(4):
+    for _ in range(2):
         steps = np.array([each.step for each in config.limits[:own]])
         # A walk at up to the greatest speed, whose ends lie anywhere between the ends of the axes.
         goals: list[np.ndarray] = []

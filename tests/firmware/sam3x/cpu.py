@@ -14,7 +14,9 @@ import unicorn
 from unicorn import arm_const
 
 CLOCK_HZ = 84_000_000
+#: Instructions between two looks at exceptions; it is `QUIET` times as many while none runs or waits.
 QUANTUM = 64
+QUIET = 4
 EXCEPTION_RETURN = 0xFFFF_FFF8
 SYSTICK = 15
 NEVER = 1 << 62
@@ -124,6 +126,7 @@ class Cpu:
         self.cycles_per_instruction = cycles_per_instruction
         self.cycles = 0
         self.quantum = QUANTUM
+        self._pc = 0
         self.exceptions: dict[int, int] = {}
         self.system = SystemControl(self)
         self.timed: list[Timed] = [self.system]
@@ -156,35 +159,36 @@ class Cpu:
 
     def run(self, until: int) -> None:
         """Execute up to a cycle."""
+        self._pc = self.uc.reg_read(arm_const.UC_ARM_REG_PC)
         while self.cycles < until:
-            event = min(self.timed, key=lambda one: one.due)
-            while event.due <= self.cycles:
-                event.fire()
-                event = min(self.timed, key=lambda one: one.due)
-            self._enter_waiting()
-            left = min(until, event.due) - self.cycles
-            self._step(max(1, min(self.quantum, int(left / self.cycles_per_instruction))))
+            while (due := min([one.due for one in self.timed])) <= self.cycles:
+                min(self.timed, key=lambda one: one.due).fire()
+            quiet = self.system.waiting() is None or self._enter_waiting()
+            quantum = QUIET * self.quantum if quiet and not self._active else self.quantum
+            left = min(until, due) - self.cycles
+            self._step(max(1, min(quantum, int(left / self.cycles_per_instruction))))
 
     def _step(self, instructions: int) -> None:
-        pc = self.uc.reg_read(arm_const.UC_ARM_REG_PC)
         try:
-            self.uc.emu_start(pc | 1, EXCEPTION_RETURN, count=instructions)
+            self.uc.emu_start(self._pc | 1, EXCEPTION_RETURN, count=instructions)
         except unicorn.UcError as error:  # nothing can be fetched there
             at = self.uc.reg_read(arm_const.UC_ARM_REG_PC)
             if at & ~1 != EXCEPTION_RETURN:
                 raise RuntimeError(f"the processor faults at {at:#x}: {error}") from error
-        if self.uc.reg_read(arm_const.UC_ARM_REG_PC) & ~1 == EXCEPTION_RETURN:
+        self._pc = self.uc.reg_read(arm_const.UC_ARM_REG_PC)
+        if self._pc & ~1 == EXCEPTION_RETURN:
             self._leave()
             instructions = (instructions + 1) // 2  # how many ran is not known: half, on average
             self.cycles += 12
         self.cycles += max(1, int(instructions * self.cycles_per_instruction))
 
-    def _enter_waiting(self) -> None:
+    def _enter_waiting(self) -> bool:
+        """Enter the most urgent exception; false while it has to wait."""
         waiting = self.system.waiting()
         if waiting is None or self.uc.reg_read(arm_const.UC_ARM_REG_PRIMASK) & 1:
-            return
+            return False
         if self._active and waiting[0] >= min(self._active)[0]:
-            return
+            return False
         priority, number = waiting
         if number == SYSTICK:
             self.system.systick_pending = False
@@ -193,7 +197,7 @@ class Cpu:
         self.exceptions[number] = self.exceptions.get(number, 0) + 1
         self._active.append((priority, number))
         state = [self.uc.reg_read(register) for register in _FRAME]
-        state += [self.uc.reg_read(arm_const.UC_ARM_REG_PC), self.uc.reg_read(arm_const.UC_ARM_REG_XPSR)]
+        state += [self._pc, self.uc.reg_read(arm_const.UC_ARM_REG_XPSR)]
         stack = self.uc.reg_read(arm_const.UC_ARM_REG_SP)
         aligned = (stack - 32) & ~7
         state[7] = state[7] & ~0x200 | (0x200 if aligned != stack - 32 else 0)
@@ -201,8 +205,9 @@ class Cpu:
         self.uc.reg_write(arm_const.UC_ARM_REG_SP, aligned)
         self.uc.reg_write(arm_const.UC_ARM_REG_LR, EXCEPTION_RETURN | 1)
         handler = struct.unpack("<I", self.uc.mem_read(self.system.vectors + 4 * number, 4))[0]
-        self.uc.reg_write(arm_const.UC_ARM_REG_PC, handler | 1)
+        self._pc = handler & ~1
         self.cycles += 12
+        return True
 
     def _leave(self) -> None:
         self._active.pop()
@@ -212,6 +217,7 @@ class Cpu:
             self.uc.reg_write(register, value)
         self.uc.reg_write(arm_const.UC_ARM_REG_SP, stack + 32 + (4 if state[7] & 0x200 else 0))
         self.uc.reg_write(arm_const.UC_ARM_REG_XPSR, state[7] & 0xF800_0000 | 1 << 24)
+        self._pc = state[6] & ~1
         self.uc.reg_write(arm_const.UC_ARM_REG_PC, state[6] | 1)
 
     def _read(self, _: object, offset: int, size: int, base: int) -> int:

@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from contid.hal import AxisOnBus
-from contid_devices.due.firmware_build import WARNINGS, build_once, core_sources, firmware_dir
 from contid_drivers.due import wiring
 from contid_drivers.due.codes import BoardState, Reason
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
+from tests.firmware.shafts.linked_core import build_with_core
 
 HERE = Path(__file__).parent
 #: Counts per degree of the default gear.
@@ -60,9 +60,7 @@ class Trial:
 
 def program() -> Path:
     """The trials' program with the core linked in."""
-    sources = [*core_sources(), HERE / "main.cpp"]
-    flags = ["g++", "-std=gnu++17", "-O2", *WARNINGS, f"-I{firmware_dir()}"]
-    return build_once("shafts", flags, sources, [HERE / "shaft.h", firmware_dir() / "host" / "identity.h"])
+    return build_with_core("shafts", HERE / "main.cpp", [HERE / "shaft.h"])
 
 
 def configure(**options: Any) -> str:

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 from contid.hal import AxisOnBus
-from contid_devices.due.firmware_build import WARNINGS, build_once, core_sources, firmware_dir
 from contid_drivers.due import wiring
 from contid_drivers.due.codes import BoardState, Reason
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
+from tests.firmware.shafts.linked_core import build_with_core
 
 HERE = Path(__file__).parent
 #: Moves of one trial, each of both tendons for a second.
@@ -64,10 +64,8 @@ class Trial:
 
 def program() -> Path:
     """The trials' program with the core linked in."""
-    sources = [*core_sources(), HERE / "main.cpp"]
-    flags = ["g++", "-std=gnu++17", "-O2", *WARNINGS, f"-I{firmware_dir()}"]
-    included = [HERE / "cable.h", HERE.parent / "shafts" / "shaft.h", firmware_dir() / "host" / "identity.h"]
-    return build_once("tendons", flags, sources, included)
+    included = [HERE / "cable.h", HERE.parent / "shafts" / "shaft.h"]
+    return build_with_core("tendons", HERE / "main.cpp", included)
 
 
 def configure(tightens: int, hz: int, stiffness_n_per_mm: float) -> str:

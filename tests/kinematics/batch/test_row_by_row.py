@@ -17,7 +17,7 @@ from contid.targets import ZERO3
 from contid_ropes.ph.model import PhModel
 
 ROBOTS = ("finger", "trirack", "trirack2", "cbha", "cbha.ph", "stiffflop1", "stiffflop2")
-ROWS = 40
+ROWS = 24
 LOAD = (0.02, -0.03, -0.04)
 #: Answers to redundant tasks are settled to 1e-7 bar; out of reach they are found to about 2e-6 bar.
 SETTLED_PA = 0.2
@@ -178,6 +178,6 @@ def test_tips_of_all_sizes_of_a_finger(model: Model, rows: int) -> None:
 
 @pytest.mark.slow
 def test_the_number_of_threads_changes_nothing(model: Model) -> None:
-    tips = Targets.of(reached(model, 200))
+    tips = Targets.of(reached(model, 80))
     one, many = (inverse_many(model, tips, box(model, 1), threads=count) for count in (1, 7))
     assert one.rows.tobytes() == many.rows.tobytes()

@@ -19,7 +19,7 @@ ROBOTS = (
     *("finger", "trirack", "trirack2", "stiffflop1", "tendon3"),
     pytest.param("ftdcr_v4", marks=pytest.mark.campaign),  # that of tendon3
 )
-ROWS = 130
+ROWS = 70
 
 
 def model_of(name: str) -> Model:

@@ -26,7 +26,7 @@ def test_random_reachable_targets_are_met_with_taut_tendons(name, mode):
     model = shipped(name)
     assert model.statics is not None
     straight = (0.0,) * len(model.axis_names)
-    for bends in random_bends(model, 300, seed=7):
+    for bends in random_bends(model, 100, seed=7):
         tip, tangent, mid = placed(model, bends)
         target = Target(
             tip_m=vec(tip),

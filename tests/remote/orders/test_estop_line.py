@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contid.remote.protocol.wire import is_estop
@@ -71,6 +71,7 @@ JSON = st.recursive(
 )
 
 
+@settings(max_examples=40, deadline=None)
 @given(
     st.dictionaries(st.text(max_size=8).filter(lambda key: key != "verb"), JSON, max_size=5), st.booleans()
 )

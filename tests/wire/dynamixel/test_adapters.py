@@ -121,7 +121,9 @@ def test_batches_and_pieces_cost_no_sample(rig: Make, switches: Any, fast: str) 
 
 @pytest.mark.process
 @pytest.mark.parametrize("fast", ["auto", "off"])
-@pytest.mark.parametrize("ms", [3, 4, 5, 7, 9, 12, 16])
+@pytest.mark.parametrize(
+    "ms", [3, *(pytest.param(k, marks=pytest.mark.campaign) for k in (4, 5, 9, 12)), 7, 16]
+)
 def test_samples_of_a_late_adapter_belong_to_their_exchange_or_are_invalid(
     rig: Make, ms: float, fast: str
 ) -> None:

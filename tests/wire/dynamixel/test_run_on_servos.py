@@ -148,8 +148,9 @@ def test_kill_9_of_daemon_and_control_process_stops_every_servo(
     [
         ("overload", "overload"),
         ("silent", ""),
-        ("trip", "Bus Watchdog tripped"),
-        ("brownout", "reset itself"),
+        # Their messages by the driver alone: test_faults, test_return_with_torque.
+        pytest.param("trip", "Bus Watchdog tripped", marks=pytest.mark.campaign),
+        pytest.param("brownout", "reset itself", marks=pytest.mark.campaign),
     ],
 )
 def test_a_servo_in_trouble_faults_its_whole_robot_and_the_other_one_finishes(

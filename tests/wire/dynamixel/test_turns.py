@@ -184,7 +184,7 @@ def test_an_offset_by_another_program_between_two_runs_leaves_the_kept_turns_rig
 
 
 @pytest.mark.parametrize("offset", OFFSETS)
-@pytest.mark.parametrize("pause_s", [0.0, 0.2])
+@pytest.mark.parametrize("pause_s", [pytest.param(0.0, marks=pytest.mark.campaign), 0.2])
 def test_an_offset_by_another_program_during_a_run_arms_no_wrong_turn(
     rig: Make, offset: int, pause_s: float
 ) -> None:

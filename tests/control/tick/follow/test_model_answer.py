@@ -102,7 +102,9 @@ def test_by_older_rules_the_answer_is_kept_for_the_same_question_only() -> None:
     assert (asked.inverse, asked.follow) == (3, 0)
 
 
-@pytest.mark.parametrize("name", BEYOND_M)
+@pytest.mark.parametrize(
+    "name", ["stiffflop2", *(pytest.param(name, marks=pytest.mark.campaign) for name in ("cbha", "trirack2"))]
+)
 def test_the_nearest_pose_is_followed_and_not_searched_for(name: str) -> None:
     """As near as a search from many postures finds; far fewer searches than ticks."""
     run = started(name)

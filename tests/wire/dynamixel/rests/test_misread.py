@@ -178,14 +178,14 @@ def outcome(r: Any, disturbed: int, monkeypatch: pytest.MonkeyPatch) -> tuple[li
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("every", [3, pytest.param(1, marks=pytest.mark.campaign)])
+@pytest.mark.parametrize("every", [7, pytest.param(1, marks=pytest.mark.campaign)])
 @pytest.mark.parametrize("case", ["new", "count_reset"])
 def test_one_damaged_instruction_anywhere_changes_nothing(
     timed: Make, monkeypatch: pytest.MonkeyPatch, case: str, every: int
 ) -> None:
     """Neither registers nor refusals: a noisy line is no missing register, and no lost mark of a turn.
 
-    Two servos get the same instructions one after the other: every third one is each kind at one of them.
+    Two servos get the same instructions one after the other: every odd one is each kind at one of them.
     """
 
     def life(disturbed: int) -> tuple[list[Any], int]:
