@@ -160,7 +160,8 @@ class Engine:
         self.robots.begin_tick(tick_number)
         self._refusals.order = self._orders.number
         try:
-            self._orders.obey(message, tick_number, self._step + 1, (self._step + 1) / self._rate_hz)
+            step, rate_hz = self._step + 1, self._rate_hz
+            self._orders.obey(message, tick_number, step, step / rate_hz, (tick_number - step) / rate_hz)
         except Exception as error:
             name = type(message).__name__.lower()
             robot = getattr(message, "robot", "")
@@ -179,7 +180,7 @@ class Engine:
         source = selector.source
         live = isinstance(source, Live)
         with self.costs.watched():
-            targets = selector.targets(step, now_s)
+            targets = selector.targets(step, now_s, timing.skipped / self._rate_hz)
             for stage in self._before:
                 try:
                     targets = stage.before(targets, timing, now_s)

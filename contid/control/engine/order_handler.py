@@ -74,15 +74,23 @@ class OrderHandler:
         self._cancelled = with_method(stages, "cancel")
         self._sink = sink
 
-    def obey(self, message: object, tick_number: int, step: int, now_s: float) -> None:
-        """Carry out a message before a step of the robots, at its time; a refusal becomes an event."""
+    def obey(self, message: object, tick_number: int, step: int, now_s: float, skipped_s: float) -> None:
+        """Carry out a message before a step of the robots; a refusal becomes an event.
+
+        Args:
+            message: of `contid.control.engine.messages`.
+            tick_number: of the tick that comes.
+            step: its number among the ticks that ran.
+            now_s: the time of the robots then.
+            skipped_s: the time of the ticks that were skipped so far.
+        """
         selector = self._selector
         if isinstance(message, msg.Rows):
             self._sink.event(rows_event(message, tick_number))
             if self._has_chains:
                 self._chains.begin_gotos(now_s)
             if not selector.finishing:  # nothing may delay the end of a run
-                selector.rows(message.targets, now_s)
+                selector.rows(message.targets, now_s, skipped_s)
             return
         if isinstance(message, msg.Go) and not selector.at_start:
             self._sink.event(OrderRefused(message=msg.NOT_AT_START))

@@ -145,12 +145,17 @@ class Live:
         return max([follower.delay_s for follower in self._followers], default=0.0)
 
     def put(
-        self, targets: Mapping[str, Target | None], now_s: float, states: Sequence[RobotState], ask: Ask
+        self,
+        targets: Mapping[str, Target | None],
+        now_s: float,
+        skipped_s: float,
+        states: Sequence[RobotState],
+        ask: Ask,
     ) -> None:
-        """A new row; robots it does not name keep their target."""
+        """A new row; robots it does not name keep their target; ``skipped_s``: of `TargetFollower.put`."""
         for name, target in targets.items():
             index = self._names.index(name)
-            ask(index, now_s, self._followers[index].put, target, now_s, states[index])
+            ask(index, now_s, self._followers[index].put, target, now_s, states[index], skipped_s)
 
     def end(self) -> None:
         """No further row will come."""
@@ -158,12 +163,16 @@ class Live:
         for follower in self._followers:
             follower.end()
 
-    def targets(self, now_s: float, states: Sequence[RobotState], ask: Ask) -> Mapping[str, Target | None]:
+    def targets(
+        self, now_s: float, skipped_s: float, states: Sequence[RobotState], ask: Ask
+    ) -> Mapping[str, Target | None]:
         """Targets by robot at a tick, in the world frame; none while the stream is paused."""
         given = {}
         for index, follower in enumerate(self._followers):
             if follower.row is not None:
-                given[self._names[index]] = ask(index, now_s, follower.target, now_s, states[index])
+                given[self._names[index]] = ask(
+                    index, now_s, follower.target, now_s, states[index], skipped_s
+                )
         return {} if self._paused else given
 
     def watch(self, tick: int, states: Sequence[RobotState]) -> None:

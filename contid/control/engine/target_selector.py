@@ -71,21 +71,27 @@ class TargetSelector:
         self._on_end = on_end
         self._stated_s = 0.0  # delay of a live stream in its newest event
 
-    def targets(self, step: int, now_s: float) -> Mapping[str, Target | None]:
-        """Targets of a step by robot; keeps the measured tips of a trajectory."""
+    def targets(self, step: int, now_s: float, skipped_s: float) -> Mapping[str, Target | None]:
+        """Targets of a step by robot; keeps the measured tips of a trajectory.
+
+        Args:
+            step: ticks that ran.
+            now_s: their time.
+            skipped_s: the time of those that were skipped so far.
+        """
         source = self.source
         if source is None:
             return _NOTHING
         if isinstance(source, Live):
-            return source.targets(now_s, self._robots.states, self._robots.ask)
+            return source.targets(now_s, skipped_s, self._robots.states, self._robots.ask)
         targets = source.targets(step)
         self._note(targets, now_s)
         return targets
 
-    def rows(self, targets: Mapping[str, Target | None], now_s: float) -> None:
-        """A row of a live stream arrived."""
+    def rows(self, targets: Mapping[str, Target | None], now_s: float, skipped_s: float) -> None:
+        """A row of a live stream arrived; times as of `targets`."""
         with self._robots.costs.watched():
-            self._live().put(targets, now_s, self._robots.states, self._robots.ask)
+            self._live().put(targets, now_s, skipped_s, self._robots.states, self._robots.ask)
         self._note(targets, now_s)
 
     def end_of_rows(self) -> None:

@@ -50,8 +50,9 @@ if TYPE_CHECKING:
 #: reach is followed from itself, however far the axes are behind it, and not searched for in every tick. 8:
 #: axes that share limits stop before an approach or the way to rest, which are straight lines, and stop as
 #: their live targets were compared with the limits: in each tick of a stop (``kernels/limiter/guard.hpp``); a
-#: tip takes no straight line that is far slower than its axes (`contid.control.engine.live.tip_line`).
-MOTION_RULES: Final = 8
+#: tip takes no straight line that is far slower than its axes (`contid.control.engine.live.tip_line`). 9:
+#: rows of a live stream come by a clock that counts skipped ticks (`contid.control.engine.live.row_clock`).
+MOTION_RULES: Final = 9
 #: Data younger than this are never stale: a slow regulator measures at 20 Hz or so.
 STALE_S: Final = 0.1
 

@@ -8,6 +8,7 @@
   `FASTEST` times the one before lowers the rate of the phase at once, before rows that have not come are
   played, and rows far from what is played are played from there. The limits of the axes then hold by
   `contid.control.tick.jerk_guard`.
+* The phase makes up for ticks that were skipped within `MADE_UP_S` or so: rows came meanwhile.
 * Where rows stop, the phase comes to rest on the newest one by a jerk-limited motion.
 """
 
@@ -30,6 +31,9 @@ GREATEST_ERROR: Final = 4.0
 GREATEST_S: Final = 0.05
 #: Greatest rate of the phase with a new period, in rows per period.
 FASTEST: Final = 3.0
+#: Time in which the phase makes up for most of the ticks that were skipped, and the most that it takes up.
+MADE_UP_S: Final = 0.25
+MOST_SKIPPED_S: Final = SPARSE_S
 #: A phase is on a row, and at rest, within this part of it.
 _THERE: Final = 1e-9
 
@@ -52,6 +56,7 @@ class RowClock(ProducerClock):
         self.stands = False
         self._plays_longest = rules > 5
         self._margin_s = MARGIN * tick_s
+        self._skipped_s = self._behind_s = 0.0  # all ticks that were skipped; of these not made up for
         #: Rows per second that come at least, by the rows so far; by rules before 6 those of the fit.
         self._least_per_s = 0.0
 
@@ -63,6 +68,11 @@ class RowClock(ProducerClock):
     def expected(self, now_s: float) -> float:
         """By how many rows a row that arrives now comes after the newest."""
         return (now_s - self.meant_s) / self.period_s if self.period_s else 1.0
+
+    def skip(self, skipped_s: float) -> None:
+        """A tick begins; ``skipped_s``: the time of all ticks that were skipped so far."""
+        behind_s = self._behind_s * (1.0 - self._tick_s / MADE_UP_S) + skipped_s - self._skipped_s
+        self._behind_s, self._skipped_s = min(behind_s, MOST_SKIPPED_S), skipped_s
 
     def missing(self) -> float:
         """How many rows after the newest the curve needs now."""
@@ -99,6 +109,7 @@ class RowClock(ProducerClock):
             return self.phase
         # A row or more behind there are rows enough; else it goes on as slowly as those so far allow.
         rate = 1.0 / period_s if error > 1.0 else self._least_per_s
+        rate *= 1.0 + self._behind_s / MADE_UP_S
         most = max(GREATEST_ERROR, GREATEST_S / period_s)
         error, w = min(max(error, -most), most), FOLLOW_PER_S
         jerk = w * (w * (w * error + 3.0 * (rate - self.rate_per_s)) - 3.0 * self._acceleration)
@@ -148,5 +159,5 @@ class RowClock(ProducerClock):
 
     def _due(self, now_s: float, late_s: float) -> float:
         """Which row is to be played now, where rows come by so much too late."""
-        since_s = now_s - self.meant_s - late_s - self._margin_s
+        since_s = now_s - self._behind_s - self.meant_s - late_s - self._margin_s
         return self.newest + since_s / self.period_s - LAG

@@ -68,8 +68,15 @@ class TargetFollower:
         """True where the newest row is the target itself."""
         return self._line is None and (self._curve is None or self._curve.rests(self._clock.phase))
 
-    def put(self, row: Target | None, now_s: float, state: RobotState) -> None:
-        """A row arrived; None holds the robot."""
+    def put(self, row: Target | None, now_s: float, state: RobotState, skipped_s: float = 0.0) -> None:
+        """A row arrived; None holds the robot.
+
+        Args:
+            row: in the world frame.
+            now_s: the time of the robot, which counts the ticks that ran.
+            state: of the robot before this tick.
+            skipped_s: time of the ticks that were skipped so far. Rows come by a clock that went on.
+        """
         self.row = row
         if row is None:
             self._curve = self._line = None
@@ -77,11 +84,12 @@ class TargetFollower:
         clock, curve, vector = self._clock, self._curve, vector_of(row)
         before, self._kind = self._kind, kind_of(row)
         if curve is None or before != self._kind:
-            clock.arrived(now_s)
+            clock.arrived(self._clock_s(now_s, skipped_s))
             self._jump(vector, now_s, state)
             return
         stood = curve.rests(clock.phase) and not self._jumped
-        clock.arrived(now_s, self._rows_on(curve, vector, now_s))
+        clock_s = self._clock_s(now_s, skipped_s)
+        clock.arrived(clock_s, self._rows_on(curve, vector, clock_s))
         if vector == curve.last:
             curve.add(clock.newest, vector, clock.period_s)
             self._jumped = False
@@ -95,13 +103,15 @@ class TargetFollower:
         """No further row will come."""
         self._ended = True
 
-    def target(self, now_s: float, state: RobotState) -> Target | None:
-        """The target of a tick."""
+    def target(self, now_s: float, state: RobotState, skipped_s: float = 0.0) -> Target | None:
+        """The target of a tick; times as of `put`."""
         row = self.row
         if row is None or self._curve is None:
             self._given = None
             return row
-        phase = self._phase(self._curve, now_s, state)
+        if self._config.motion_rules > 8:
+            self._clock.skip(skipped_s)
+        phase = self._phase(self._curve, now_s, state, self._clock_s(now_s, skipped_s))
         curve = self._curve  # another one where it came to rest
         rests = curve.rests(phase)
         if self._line is not None:
@@ -114,17 +124,21 @@ class TargetFollower:
         self._given = row if rests else target_of(curve.at(phase), row)
         return self._given
 
-    def _phase(self, curve: RowCurve, now_s: float, state: RobotState) -> float:
+    def _clock_s(self, now_s: float, skipped_s: float) -> float:
+        """The time by which rows come."""
+        return now_s + skipped_s if self._config.motion_rules > 8 else now_s
+
+    def _phase(self, curve: RowCurve, now_s: float, state: RobotState, clock_s: float) -> float:
         """Which row is played; where no row comes, the phase comes to rest on the last one."""
         clock = self._clock
         if not clock.period_s or curve.rests(clock.phase):
-            return clock.play(now_s)
+            return clock.play(clock_s)
         if clock.stop is None:
             most = EXPECTED_S / clock.period_s
             if self._config.motion_rules > 3:  # a period that is learnt too short leads no farther
                 most = min(most, EXPECTED_ROWS)
             if not self._ended and clock.missing() <= max(1.0, most):
-                return clock.play(now_s)
+                return clock.play(clock_s)
             self._rates = self._phase_rates(state)
         if clock.come_to_rest(*self._rates, forward=self._config.motion_rules > 1):
             off = max(abs(a - b) for a, b in zip(curve.at(clock.phase), curve.last, strict=True))
