@@ -27,6 +27,7 @@ from contid.robot_file.load import load_robot_file
 from contid_view.csp_proxy import POLICY, CspProxy
 from contid_view.observer import ViewerObserver
 from contid_view.rerun.program import rerun_program
+from contid_view.rerun.session import RerunSession
 from contid_view.view_target import Kind, ViewerJob, ViewTarget
 from contid_view.viewer_process import Viewer
 from tests.support.command import contid
@@ -35,6 +36,13 @@ from tests.support.viewed_runs import drawn, rows_of
 from tests.support.waiting import until
 
 pytestmark = pytest.mark.process
+
+
+@pytest.fixture(scope="module", autouse=True)
+def what_rerun_keeps(tmp_path_factory: pytest.TempPathFactory, configs: Path) -> None:
+    """The first recording with a layout in a process opens what Rerun keeps for all others."""
+    target = ViewTarget(Kind.FILE, tmp_path_factory.mktemp("first") / "first.rrd")
+    RerunSession(target, load_robot_file(configs / "hand.yaml"), 200.0, live=False).close()
 
 
 @pytest.fixture
