@@ -38,7 +38,7 @@ def test_columns_go_to_their_nodes(tmp_path: Path) -> None:
         ("t_s,who/x_mm\n0,1\n", "who/x_mm"),
         ("t_s,a/x_mm\n0,1\n1\n", r"t\.csv:3:1: the row has 1 values"),
         ("t_s,a/x_mm\n0,b\n", r"t\.csv:2:3: a/x_mm: 'b' is not a finite number"),
-        ("t_s,a/x_mm\n", "has no rows"),
+        ("t_s,a/x_mm\n", r"t\.csv:1:1: no rows after the header"),
         ("", "empty"),
     ],
 )

@@ -157,7 +157,8 @@ def test_poses_of_an_armed_robot_are_saved_and_mistakes_named() -> None:
         assert poses["home"]["target"] == pytest.approx({"f1.left_mm": 50.0, "f1.right_mm": 50.0}, abs=0.1)
         # Without --yes and without an answer nothing is switched off.
         done = contid_in(running.folder, "teach", "f0", *socket)
-        assert done.returncode == 130
+        assert done.returncode == 2
+        assert "stdin ended where an answer was expected" in done.stderr
         assert states(client) == {"HOLD"}
         client.acquire(60.0)
         done = contid_in(running.folder, "teach", "f0", "--yes", *socket)

@@ -87,7 +87,8 @@ def test_homing_in_a_jig_gives_all_tendons_the_same_tension(rig: Make) -> None:
     np.testing.assert_allclose(plant.tensions_ma(), 80.0, atol=2.0 * stiffness)
     zeros = np.array([each.value for each in found]) / reg.RAD_PER_TICK
     # Powered up a turn below zero, where the count begins anew.
-    np.testing.assert_allclose(zeros - reg.TICKS_PER_REV, taut + 80.0 / stiffness, atol=2.0)
+    # A look that a busy machine delays is a count or two late.
+    np.testing.assert_allclose(zeros - reg.TICKS_PER_REV, taut + 80.0 / stiffness, atol=3.0)
     assert [each.at_mm for each in found] == [0.0] * 3
     assert "tension with 120 mA" in found[0].how
 
