@@ -39,6 +39,8 @@ MAX_POINTS: Final = 20_000
 WIDTHS: Final = (0.25, 0.35, 0.5, 0.7, 1.0)
 #: Rounds of slowing down where a limit is exceeded, at most.
 ROUNDS: Final = 60
+#: Steps of so many times what the greatest velocity allows, where the smooth path needs no more than that.
+JUMP: Final = 10.0
 #: Steps per tick of the profile.
 PARTS: Final = 10
 #: Room for rounding, and for the model's answer at a tick that differs from the one interpolated here.
@@ -110,7 +112,14 @@ def fastest(loaded: LoadedFile, trajectory: Trajectory, rate_hz: float) -> Faste
     def exact(at: Array) -> Array:
         return _solved(configs, trajectory, np.interp(at, along, times[kept]))
 
-    best = _parametrised(along, axes[kept], most, 1.0 / rate_hz, exact)
+    try:
+        best = _parametrised(along, axes[kept], most, 1.0 / rate_hz, exact)
+    except _PoseJumpError as jump:
+        time_s = float(np.interp(jump.along, along, times[kept]))
+        raise ContidError(
+            f"near t_s = {time_s:.3f} the axes jump to another pose with the same tip, which no timing can "
+            "follow; move the path, or make it smaller"
+        ) from None
     _check_count(len(best.along), rate_hz)
     at = np.interp(best.along, along, times[kept])
     rows = np.array([_row(trajectory, time_s) for time_s in at.tolist()])
@@ -163,6 +172,14 @@ class _Timing:
     binding: str
 
 
+class _PoseJumpError(Exception):
+    """The axes jump at a place along the path."""
+
+    def __init__(self, along: float) -> None:
+        super().__init__(along)
+        self.along = along
+
+
 def _parametrised(
     along: Array, axes: Array, most: Sequence[Array], period_s: float, exact: Callable[[Array], Array]
 ) -> _Timing:
@@ -174,6 +191,10 @@ def _parametrised(
         most: greatest velocity, acceleration and jerk of each axis.
         period_s: of the tick.
         exact: the axes at other places, solved and not interpolated; they have the last word.
+
+    Raises:
+        _PoseJumpError: these jump between points that the path joins smoothly.
+        ContidError: there is no timing.
     """
     path, clock_s, place, speed = _time_optimal(along, axes, most)
     from scipy.interpolate import CubicHermiteSpline, CubicSpline
@@ -191,9 +212,11 @@ def _parametrised(
             clock *= ticks * period_s / clock[-1]
             times = np.arange(ticks + 1) * period_s
             at = np.clip(CubicSpline(clock, smooth)(times), 0.0, along[-1])
-            needs = _needs(np.asarray(path(at)), most, period_s)
+            needs = _needs(np.asarray(path(at)) * most[0], most, period_s)
             if max(np.max(each) for each in needs.values()) <= 1.0:
                 needs = _needs(exact(at), most, period_s)
+                if np.max(needs["velocity"]) > JUMP:
+                    raise _PoseJumpError(float(at[int(np.argmax(needs["velocity"]))]))
             worst = max(needs, key=lambda name: float(np.max(needs[name])))
             if np.max(needs[worst]) <= 1.0:
                 found.append((ticks, _Timing(at, worst)))
@@ -247,7 +270,10 @@ def _needs(axes: Array, most: Sequence[Array], period_s: float) -> dict[str, Arr
 
 
 def _time_optimal(along: Array, axes: Array, most: Sequence[Array]) -> tuple[Any, Array, Array, Array]:
-    """The path as a spline, and times, places and speeds along it by TOPP-RA."""
+    """The path as a spline of axes by their greatest velocities, and times, places and speeds by TOPP-RA.
+
+    The solver compares with absolute numbers: pressures in Pa would be too large for them.
+    """
     try:
         import toppra
         import toppra.algorithm
@@ -255,8 +281,8 @@ def _time_optimal(along: Array, axes: Array, most: Sequence[Array]) -> tuple[Any
     except ModuleNotFoundError as error:
         raise missing_extra(error, "the fastest timing") or error from None
     toppra.setup_logging("ERROR")
-    path = toppra.SplineInterpolator(along, axes)
-    limits = [np.stack([-each, each], axis=1) for each in most[:2]]
+    path = toppra.SplineInterpolator(along, axes / most[0])
+    limits = [np.stack([-each, each], axis=1) / most[0][:, None] for each in most[:2]]
     constraints = [
         toppra.constraint.JointVelocityConstraint(limits[0]),
         toppra.constraint.JointAccelerationConstraint(limits[1]),

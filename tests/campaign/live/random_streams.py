@@ -17,9 +17,10 @@ import math
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import repeat
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -144,20 +145,36 @@ def away(stage: Stage, rows: list[Row], times: float) -> list[Row]:
     return [(time_s, vec3((at_m + times * (np.array(tip_m) - at_m)).tolist())) for time_s, tip_m in rows]
 
 
-def followed(stage: Stage, rows: list[Row]) -> tuple[list[Actuation], RobotState]:
-    """The commands of every tick until the robot rests after the last row, and the state then."""
+def skips_of(number: int) -> Iterator[int]:
+    """How many ticks a busy machine skips before each tick of a stream: none, single ones, or stalls."""
+    random = np.random.default_rng(number)
+    between, longest = int(random.choice([2, 5, 30, 100])), int(random.choice([1, 3, 10, 40]))
+    while True:
+        yield from (0 for _ in range(int(random.integers(1, 2 * between))))
+        yield int(random.integers(1, longest + 1))
+
+
+def followed(stage: Stage, rows: list[Row], skips: Iterator[int]) -> tuple[list[Actuation], RobotState]:
+    """The commands of every tick until the robot rests after the last row, and the state then.
+
+    Args:
+        stage: where the robot stands.
+        rows: of the stream, at times that go on while ticks are skipped.
+        skips: how many ticks are skipped before each.
+    """
     config, state = stage.config, stage.state
     follower = TargetFollower(config)
     follower.put(_target(config, stage.tip_m), stage.now_s, state)
     commands, queue, rests = [state.command], rows[::-1], 0
     ends_s = rows[-1][0] + REST_S
-    count = 0
+    count, skipped_s = 0, 0.0
     while rests < RESTS and count * config.period_s < ends_s:
         time_s = count * config.period_s
         now_s = stage.now_s + time_s
-        while queue and queue[-1][0] <= time_s:
-            follower.put(_target(config, queue.pop()[1]), now_s, state)
-        target = follower.target(now_s, state)
+        skipped_s += next(skips) * config.period_s
+        while queue and queue[-1][0] <= time_s + skipped_s:
+            follower.put(_target(config, queue.pop()[1]), now_s, state, skipped_s)
+        target = follower.target(now_s, state, skipped_s)
         state = tick(config, state, now_s, (), target, live=True).state
         commands.append(state.command)
         still = _still(config, commands) and follower.resting
@@ -175,10 +192,10 @@ def _target(config: RobotConfig, tip_m: Vec3) -> Target:
     return Target(tip_m=config.frame.point_in_world(tip_m))
 
 
-def violations(stage: Stage, rows: list[Row]) -> dict[str, float]:
-    """What a stream violated, by name, and by how many times the limit."""
+def violations(stage: Stage, rows: list[Row], skips: Iterator[int] | None = None) -> dict[str, float]:
+    """What a stream violated, by name, and by how many times the limit; ``skips``: of `followed`."""
     config = stage.config
-    commands, state = followed(stage, rows)
+    commands, state = followed(stage, rows, repeat(0) if skips is None else skips)
     first = commands[0]
     axes, h, found = np.array([first, first, *commands]), config.period_s, dict[str, float]()
     rates = {"velocity": config.velocity, "acceleration": config.acceleration, "jerk": config.jerk}
@@ -241,13 +258,24 @@ def campaign(
     seed: int,
     progress: Callable[[StreamTally], None] = lambda tally: None,
     times: float = 1.0,
+    skips: bool = False,
 ) -> StreamTally:
-    """Follow streams in turns of the robots, with tips some times as far from where these stand."""
+    """Follow streams in turns of the robots.
+
+    Args:
+        robots: names of shipped ones.
+        streams: how many.
+        seed: of their numbers.
+        progress: called after each.
+        times: how many times as far from where the robots stand the tips are.
+        skips: ticks are skipped.
+    """
     tally, stages = StreamTally(), {name: staged(name) for name in robots}
     for number in range(seed * 1_000_000, seed * 1_000_000 + streams):
         name = robots[number % len(robots)]
         stage = stages[name]
-        tally.add(name, number, violations(stage, away(stage, rows_of(stage, number), times)))
+        rows = away(stage, rows_of(stage, number), times)
+        tally.add(name, number, violations(stage, rows, skips_of(number) if skips else None))
         progress(tally)
     return tally
 
@@ -261,6 +289,7 @@ def main() -> int:
     parser.add_argument("--robots", default=",".join(ROBOTS))
     parser.add_argument("--minutes", type=float, default=math.inf)
     parser.add_argument("--away", type=float, default=1.0)
+    parser.add_argument("--skips", action="store_true", help="ticks are skipped, as on a busy machine")
     asked = parser.parse_args()
     ends_s, shown = time.monotonic() + 60.0 * asked.minutes, [time.monotonic()]
     newest = [StreamTally()]
@@ -275,7 +304,7 @@ def main() -> int:
             print(tally.table(), file=sys.stderr, flush=True)
 
     with suppress(KeyboardInterrupt):
-        campaign(tuple(asked.robots.split(",")), asked.streams, asked.seed, progress, asked.away)
+        campaign(tuple(asked.robots.split(",")), asked.streams, asked.seed, progress, asked.away, asked.skips)
     print(newest[0].table())
     return 1 if newest[0].counts.total() else 0
 

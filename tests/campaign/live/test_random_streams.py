@@ -8,7 +8,7 @@ import pytest
 
 from contid.control.tick.jerk_guard import guarded
 from contid.targets import Target
-from tests.campaign.live.random_streams import ROBOTS, campaign, rows_of, staged, violations
+from tests.campaign.live.random_streams import ROBOTS, campaign, rows_of, skips_of, staged, violations
 
 #: Streams that exceeded the jerk of their robot by 2.6 to 24 times, or did not come to rest.
 FOUND = (
@@ -61,7 +61,19 @@ def test_random_streams_keep_every_limit_and_end_on_their_last_row() -> None:
     assert tally.streams.total() == 4
 
 
+def test_a_row_that_repeats_the_last_one_after_a_stall_is_arrived_at() -> None:
+    """It began a clock without a period while the curve was on its way, where the robot then stood."""
+    stage, number = staged("stiffflop2"), 11001325
+    assert violations(stage, rows_of(stage, number), skips_of(number)) == {}
+
+
+def test_they_do_while_ticks_are_skipped() -> None:
+    tally = campaign(("finger", "trirack"), 6, seed=7, skips=True)
+    assert not tally.counts, tally.table()
+
+
 @pytest.mark.campaign
-def test_streams_of_every_robot() -> None:
-    tally = campaign(ROBOTS, 400, seed=6)
+@pytest.mark.parametrize("skips", [False, True])
+def test_streams_of_every_robot(skips: bool) -> None:
+    tally = campaign(ROBOTS, 400, seed=6, skips=skips)
     assert not tally.counts, tally.table()

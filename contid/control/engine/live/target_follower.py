@@ -87,10 +87,13 @@ class TargetFollower:
             clock.arrived(self._clock_s(now_s, skipped_s))
             self._jump(vector, now_s, state)
             return
-        stood = curve.rests(clock.phase) and not self._jumped
+        rested = curve.rests(clock.phase)
+        stood = rested and not self._jumped
         clock_s = self._clock_s(now_s, skipped_s)
         clock.arrived(clock_s, self._rows_on(curve, vector, clock_s))
-        if vector == curve.last:
+        # On its way a curve without a clock would stand; a row that repeats the last one is its end then.
+        goes_on = rested or clock.period_s or self._config.motion_rules < 9
+        if vector == curve.last and goes_on:
             curve.add(clock.newest, vector, clock.period_s)
             self._jumped = False
         elif not clock.period_s or (stood and not self._smooth(state, row)):
