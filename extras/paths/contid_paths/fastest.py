@@ -114,12 +114,9 @@ def fastest(loaded: LoadedFile, trajectory: Trajectory, rate_hz: float) -> Faste
 
     try:
         best = _parametrised(along, axes[kept], most, 1.0 / rate_hz, exact)
-    except _PoseJumpError as jump:
-        time_s = float(np.interp(jump.along, along, times[kept]))
-        raise ContidError(
-            f"near t_s = {time_s:.3f} the axes jump to another pose with the same tip, which no timing can "
-            "follow; move the path, or make it smaller"
-        ) from None
+    except _NoTimingError as error:
+        time_s = float(np.interp(error.along, along, times[kept]))
+        raise ContidError(f"no timing found: near t_s = {time_s:.3f} {error}; move the path") from None
     _check_count(len(best.along), rate_hz)
     at = np.interp(best.along, along, times[kept])
     rows = np.array([_row(trajectory, time_s) for time_s in at.tolist()])
@@ -172,11 +169,11 @@ class _Timing:
     binding: str
 
 
-class _PoseJumpError(Exception):
-    """The axes jump at a place along the path."""
+class _NoTimingError(Exception):
+    """No timing passes a place along the path, and what the axes do there."""
 
-    def __init__(self, along: float) -> None:
-        super().__init__(along)
+    def __init__(self, along: float, what: str) -> None:
+        super().__init__(what)
         self.along = along
 
 
@@ -193,8 +190,7 @@ def _parametrised(
         exact: the axes at other places, solved and not interpolated; they have the last word.
 
     Raises:
-        _PoseJumpError: these jump between points that the path joins smoothly.
-        ContidError: there is no timing.
+        _NoTimingError: none was found.
     """
     path, clock_s, place, speed = _time_optimal(along, axes, most)
     from scipy.interpolate import CubicHermiteSpline, CubicSpline
@@ -216,7 +212,8 @@ def _parametrised(
             if max(np.max(each) for each in needs.values()) <= 1.0:
                 needs = _needs(exact(at), most, period_s)
                 if np.max(needs["velocity"]) > JUMP:
-                    raise _PoseJumpError(float(at[int(np.argmax(needs["velocity"]))]))
+                    jump = float(at[int(np.argmax(needs["velocity"]))])
+                    raise _NoTimingError(jump, "the axes jump to another pose with the same tip")
             worst = max(needs, key=lambda name: float(np.max(needs[name])))
             if np.max(needs[worst]) <= 1.0:
                 found.append((ticks, _Timing(at, worst)))
@@ -225,7 +222,10 @@ def _parametrised(
             pace = np.interp(0.5 * (clock[1:] + clock[:-1]), times, slower)
             clock = np.concatenate([[0.0], np.cumsum(np.diff(clock) * pace)])
     if not found:
-        raise ContidError("no timing found within velocity, acceleration and jerk; give the path more rows")
+        corner = (
+            f"the {worst} of an axis exceeds its limit however slowly it passes, as where it has a corner"
+        )
+        raise _NoTimingError(float(at[int(np.argmax(needs[worst]))]), corner)
     return min(found, key=lambda each: each[0])[1]
 
 

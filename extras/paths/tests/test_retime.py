@@ -106,3 +106,26 @@ def test_a_timing_of_more_rows_than_a_trajectory_may_have_is_refused(
     monkeypatch.setattr(fastest, "MAX_ROWS", 10 if early else count - 1)
     with pytest.raises(ContidError, match=r"the fastest timing has .* rows; allowed are"):
         fastest_trajectory("finger", "rows.csv", io.StringIO(rows))
+
+
+def test_the_units_of_axes_do_not_matter_to_the_timing() -> None:
+    """Pressures in Pa were too large for the absolute tolerances of the solver: none of 1201 was found."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 1201)
+    turns = 2.0 * np.pi / 3.0 * np.arange(3)
+    chambers = 0.5 * np.maximum(0.0, np.cos(angles[:, None] + turns))
+    ends_s = []
+    for unit in (1.0, 1e5):
+        axes, most = chambers * unit, [np.full(3, unit * most) for most in (2.0, 20.0, 400.0)]
+        steps_s = np.abs(np.diff(axes, axis=0) / most[0]).max(axis=1)
+        along = np.concatenate([[0.0], np.cumsum(steps_s)])
+        ends_s.append(fastest._time_optimal(along, axes, most)[1][-1])
+    assert ends_s[1] == pytest.approx(ends_s[0], rel=1e-9)
+
+
+@pytest.mark.campaign
+def test_a_place_that_no_timing_passes_is_named(tmp_path: Path) -> None:
+    """The arm has two poses for a tip there, and takes the other one."""
+    done = contid_in(tmp_path, "path", "circle", "--for", "stiffflop2", "--fastest")
+    assert done.returncode == 2
+    assert "no timing found: near t_s = 1.3" in done.stderr
+    assert "jump to another pose" in done.stderr
