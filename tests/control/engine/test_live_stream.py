@@ -69,6 +69,24 @@ def test_a_writer_that_stood_still_is_not_felt(rate_hz: float, held_s: float) ->
     assert np.abs(radii - CIRCLE_M).max() < 1e-4
 
 
+@pytest.mark.parametrize("pace", [2.0, 3.0])
+def test_a_host_that_was_slow_for_45_ms_is_no_slower_stream(pace: float) -> None:
+    """Its rows come at an even, slower pace, and then at once: three gaps that agree were another period."""
+    run = Run("finger")
+    at = circle(run, CIRCLE_M)
+    run.at_rest_on(at(0.0))
+    rows = [
+        (max(t, min(2.0 + pace * (t - 2.0), 2.045)) if t >= 2.0 else t, tip)
+        for t, tip in rows_of(at, 200.0, 0.0)
+    ]
+    followed = run.follow(rows, 3.5)
+    on = followed.time_s > 1.5
+    assert not followed.limited[on].any()
+    x, y, _ = middle(run)
+    radii = np.hypot(followed.tip_m[on, 0] - x + CIRCLE_M, followed.tip_m[on, 1] - y)
+    assert np.abs(radii - CIRCLE_M).max() < 1e-4
+
+
 @pytest.mark.parametrize(
     ("rate_hz", "jitter_s"), [(20.0, 0.01), (50.0, 0.01), (50.0, 0.02), (100.0, 0.01), (200.0, 0.01)]
 )

@@ -10,6 +10,7 @@ row arrives far from when it was meant.
 from __future__ import annotations
 
 import enum
+from collections import deque
 from typing import Final
 
 from contid.control.tick.config import MOTION_RULES
@@ -26,6 +27,9 @@ SHORTEST_S: Final = 1e-4
 #: A row that is off by this many periods, and by this time [s], belongs to another clock.
 OFF_PERIODS: Final = 3.0
 OFF_S: Final = 0.1
+#: How long gaps agree on another period before it is taken [s]: longer than a busy machine stands still.
+CHANGED_S: Final = 0.06
+CHANGED_GAPS: Final = 3
 #: Ticks after which a row does not belong to those that arrived together, and bursts that are left out.
 QUEUED_TICKS: Final = 1.5
 BURSTS: Final = 3
@@ -62,7 +66,8 @@ class ProducerClock:
         self._rows = 0  # of this clock
         self._began_s = 0.0  # arrival of its first row
         self._arrived_s = 0.0  # arrival of the newest row
-        self._gaps_s = (0.0, 0.0)  # between the last rows
+        self._changes_late = rules > 8
+        self._gaps_s = deque([0.0, 0.0], 64)  # between the last rows
         self._bursts = 0  # before a period was learnt
 
     @property
@@ -95,7 +100,7 @@ class ProducerClock:
         else:
             lesson = self._fit(now_s, gap_s, rows, used)
         self._arrived_s = now_s
-        self._gaps_s = (self._gaps_s[1], gap_s)
+        self._gaps_s.append(gap_s)
         return lesson
 
     def _begin(self, now_s: float, period_s: float, used: int) -> Lesson:
@@ -113,15 +118,27 @@ class ProducerClock:
         return self._rows > 1 and late and self._bursts < BURSTS
 
     def _changed(self, gap_s: float, now_s: float) -> bool:
-        """True when three gaps in a row agree on another period.
+        """True when gaps in a row, three and as long as `CHANGED_S`, agree on another period.
 
         Rows that waited while their producer or its host stood still come at once as well, but late.
         """
         if self._rejects_queued and gap_s < self.period_s <= now_s - self.meant_s + self._tick_s:
             return False
-        gaps_s = (*self._gaps_s, gap_s)
+        gaps_s = self._newest_gaps(gap_s)
+        if self._changes_late and sum(gaps_s) < CHANGED_S:
+            return False
         other = min(abs(each - self.period_s) for each in gaps_s) > 0.25 * self.period_s + 0.5 * self._tick_s
         return other and max(gaps_s) - min(gaps_s) <= self._tick_s * (1.0 + 1e-6)
+
+    def _newest_gaps(self, gap_s: float) -> list[float]:
+        """The newest gaps, three or as many as `CHANGED_S` has, from the newest one back."""
+        gaps_s, long_s = [gap_s], gap_s
+        for each_s in reversed(self._gaps_s):
+            if len(gaps_s) >= CHANGED_GAPS and (long_s >= CHANGED_S or not self._changes_late):
+                break
+            gaps_s.append(each_s)
+            long_s += each_s
+        return gaps_s
 
     def _fit(self, now_s: float, gap_s: float, rows: int, used: int) -> Lesson:
         """Take the row into the fit."""
