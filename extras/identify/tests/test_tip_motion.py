@@ -111,6 +111,7 @@ def exact_plant(sent: Array, delay_s: float) -> Array:
 
 
 @pytest.mark.campaign
+@pytest.mark.timeout(1800)
 def test_intervals_hold_the_truth() -> None:
     """24 plants with 0.3 mm of noise: delay, frequency and damping, and their 95 % intervals."""
     held, off = [], []
