@@ -47,6 +47,7 @@ class LiveRowReader:
     """Turns the lines of a stream into checked rows, and counts them.
 
     Attributes:
+        stream: that they are of.
         rows, refused, followed: all, those that held a robot, those that gave a robot a target.
     """
 
@@ -57,7 +58,7 @@ class LiveRowReader:
             stream: after its header.
             preflight: refuses rows out of reach or forbidden by a chain; None accepts every row.
         """
-        self._name = stream.name
+        self.stream = stream
         self._parser = stream.parser
         self._preflight = preflight
         self.rows = self.refused = self.followed = 0
@@ -75,7 +76,7 @@ class LiveRowReader:
         wrong = {} if self._preflight is None else self._preflight.row(row)
         self._count(refused=bool(wrong), followed=len(wrong) < len(row))
         for message in dict.fromkeys(wrong.values()):  # one message for both arms of a chain
-            log.warning(f"{self._name}:{number}:1: {message}; holding")
+            log.warning(f"{self.stream.name}:{number}:1: {message}; holding")
         return Rows({**row, **dict.fromkeys(wrong)})
 
     def _count(self, refused: bool, followed: bool) -> None:
@@ -86,9 +87,9 @@ class LiveRowReader:
     def complete(self, report: RunReport) -> None:
         """Add what was refused to the report of a run; one that could follow no row has not succeeded."""
         if self.refused:
-            report.problems.append(f"{self._name}: {self.refused} of {self.rows} rows held robots")
+            report.problems.append(f"{self.stream.name}: {self.refused} of {self.rows} rows held robots")
         if not self.followed and not report.exit_code:
-            report.ending, report.exit_code = f"{self._name}: no row could be followed", 2
+            report.ending, report.exit_code = f"{self.stream.name}: no row could be followed", 2
 
 
 class StreamFollower:

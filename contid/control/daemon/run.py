@@ -80,7 +80,7 @@ def _virtual(request: RunRequest) -> RunReport:
             stack.callback(observer.detach)
         stack.enter_context(handle_logs(min(request.log_level, logging.INFO), SinkHandler(Tee(sinks))))
         live = LiveRowReader(source, preflight_of(request, loaded)) if isinstance(source, Stream) else None
-        rows = _rows(source, live) if isinstance(source, Stream) and live is not None else None
+        rows = None if live is None else _rows(live)
         tips = MeasuredTips(build_robot_configs(loaded, rate_hz), record_layout(loaded, rate_hz))
         sinks.append(tips)
         report = run_virtual(loaded, rate_hz, timed, sinks=sinks, on_end=request.on_end, rows=rows)
@@ -91,8 +91,9 @@ def _virtual(request: RunRequest) -> RunReport:
     return report
 
 
-def _rows(stream: Stream, reader: LiveRowReader) -> Iterator[Mapping[str, Target | None]]:
+def _rows(reader: LiveRowReader) -> Iterator[Mapping[str, Target | None]]:
     """Rows of a stream, blocking for each."""
+    stream = reader.stream
     with open(stream.descriptor, encoding="utf-8", errors="replace", closefd=False) as file:
         for number, line in chain(stream.pending, enumerate(file, stream.number + 1)):
             if ends(stream, line, number):

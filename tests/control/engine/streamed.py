@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -69,11 +70,20 @@ class Run:
         while self.mode is not Mode.RUN:
             self.tick()
 
-    def follow(self, rows: Sequence[Row], seconds: float) -> Followed:
-        """The commands of a stream, from the tick in which the clock of its rows begins."""
+    def follow(self, rows: Sequence[Row], seconds: float, skips: Iterable[int] = repeat(0)) -> Followed:
+        """The commands of a stream, from the tick in which the clock of its rows begins.
+
+        Args:
+            rows: by a clock that goes on while ticks are skipped.
+            seconds: of the ticks that run.
+            skips: how many ticks are skipped before each.
+        """
         period_s, queue, axes, limited = self.config.period_s, list(rows), [], []
-        for k in range(round(seconds / period_s)):
-            while queue and queue[0][0] <= k * period_s:
+        before_all = self.process.skipped
+        for k, skipped in zip(range(round(seconds / period_s)), skips, strict=False):
+            self.process.tick += skipped
+            self.process.skipped += skipped
+            while queue and queue[0][0] <= (k + self.process.skipped - before_all) * period_s:
                 self.row(queue.pop(0)[1])
             before = self.engine.robots.tallies[0].limited.total()
             self.tick()

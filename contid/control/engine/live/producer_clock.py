@@ -66,7 +66,7 @@ class ProducerClock:
         self._rows = 0  # of this clock
         self._began_s = 0.0  # arrival of its first row
         self._arrived_s = 0.0  # arrival of the newest row
-        self._changes_late = rules > 8
+        self._changed_s = CHANGED_S if rules > 8 else 0.0
         self._gaps_s = deque([0.0, 0.0], 64)  # between the last rows
         self._bursts = 0  # before a period was learnt
 
@@ -124,17 +124,20 @@ class ProducerClock:
         """
         if self._rejects_queued and gap_s < self.period_s <= now_s - self.meant_s + self._tick_s:
             return False
-        gaps_s = self._newest_gaps(gap_s)
-        if self._changes_late and sum(gaps_s) < CHANGED_S:
+        least_s = 0.25 * self.period_s + 0.5 * self._tick_s
+        if not abs(gap_s - self.period_s) > least_s:  # most rows
             return False
-        other = min(abs(each - self.period_s) for each in gaps_s) > 0.25 * self.period_s + 0.5 * self._tick_s
+        gaps_s = self._newest_gaps(gap_s)
+        if sum(gaps_s) < self._changed_s:
+            return False
+        other = min(abs(each - self.period_s) for each in gaps_s) > least_s
         return other and max(gaps_s) - min(gaps_s) <= self._tick_s * (1.0 + 1e-6)
 
     def _newest_gaps(self, gap_s: float) -> list[float]:
         """The newest gaps, three or as many as `CHANGED_S` has, from the newest one back."""
         gaps_s, long_s = [gap_s], gap_s
         for each_s in reversed(self._gaps_s):
-            if len(gaps_s) >= CHANGED_GAPS and (long_s >= CHANGED_S or not self._changes_late):
+            if len(gaps_s) >= CHANGED_GAPS and long_s >= self._changed_s:
                 break
             gaps_s.append(each_s)
             long_s += each_s

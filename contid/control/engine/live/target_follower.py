@@ -82,14 +82,14 @@ class TargetFollower:
             self._curve = self._line = None
             return
         clock, curve, vector = self._clock, self._curve, vector_of(row)
+        clock_s = now_s + self._counted(skipped_s)
         before, self._kind = self._kind, kind_of(row)
         if curve is None or before != self._kind:
-            clock.arrived(self._clock_s(now_s, skipped_s))
+            clock.arrived(clock_s)
             self._jump(vector, now_s, state)
             return
         rested = curve.rests(clock.phase)
         stood = rested and not self._jumped
-        clock_s = self._clock_s(now_s, skipped_s)
         clock.arrived(clock_s, self._rows_on(curve, vector, clock_s))
         # On its way a curve without a clock would stand; a row that repeats the last one is its end then.
         goes_on = rested or clock.period_s or self._config.motion_rules < 9
@@ -112,9 +112,9 @@ class TargetFollower:
         if row is None or self._curve is None:
             self._given = None
             return row
-        if self._config.motion_rules > 8:
-            self._clock.skip(skipped_s)
-        phase = self._phase(self._curve, now_s, state, self._clock_s(now_s, skipped_s))
+        skipped_s = self._counted(skipped_s)
+        self._clock.skip(skipped_s)
+        phase = self._phase(self._curve, now_s, state, now_s + skipped_s)
         curve = self._curve  # another one where it came to rest
         rests = curve.rests(phase)
         if self._line is not None:
@@ -127,9 +127,9 @@ class TargetFollower:
         self._given = row if rests else target_of(curve.at(phase), row)
         return self._given
 
-    def _clock_s(self, now_s: float, skipped_s: float) -> float:
-        """The time by which rows come."""
-        return now_s + skipped_s if self._config.motion_rules > 8 else now_s
+    def _counted(self, skipped_s: float) -> float:
+        """What counts of the time of skipped ticks in the clock by which rows come."""
+        return skipped_s if self._config.motion_rules > 8 else 0.0
 
     def _phase(self, curve: RowCurve, now_s: float, state: RobotState, clock_s: float) -> float:
         """Which row is played; where no row comes, the phase comes to rest on the last one."""
