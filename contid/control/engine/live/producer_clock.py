@@ -4,7 +4,9 @@ Row n of a producer with a period T is meant at ``t0 + n T`` and arrives later, 
 numbers are learnt by least squares over all rows, from `WINDOW_S` on with fading memory (an alpha-beta filter
 whose gains are those of a growing least-squares fit: E. Brookner, "Tracking and Kalman Filtering Made Easy",
 1998, section 1.2.10). Learning begins anew after a silence, where gaps agree on another period, and where a
-row arrives far from when it was meant.
+row arrives far from when it was meant. A clock that keeps its period then learns only when its rows are meant
+again; rows that come at once had waited, and the last of them is the one that is in time. (By motion rules
+before 10 it learnt its period anew, from such rows one that was far too short.)
 """
 
 from __future__ import annotations
@@ -58,12 +60,12 @@ class ProducerClock:
 
     def __init__(self, tick_s: float, rules: int = MOTION_RULES) -> None:
         """``tick_s``: period of the ticks, at which rows arrive; ``rules``: of motion."""
-        self._rejects_queued = rules > 3
+        self._rejects_queued, self._keeps_period = rules > 3, rules > 9
         self._tick_s = tick_s
         self.newest = -1
         self.period_s = self.late_s = self.meant_s = 0.0
         self._fitted_s = 0.0  # the period of the fit, before it is trusted
-        self._rows = 0  # of this clock
+        self._rows = self._since = 0  # by which the period is learnt, and since the clock began
         self._began_s = 0.0  # arrival of its first row
         self._arrived_s = 0.0  # arrival of the newest row
         self._changed_s = CHANGED_S if rules > 8 else 0.0
@@ -91,8 +93,10 @@ class ProducerClock:
         elif stood:
             lesson = self._begin(now_s, self.period_s, used)
         elif self.period_s and self._changed(gap_s, now_s):
-            self.late_s = 0.0
+            self.late_s, self._rows = 0.0, 0
             lesson = self._begin(now_s, gap_s, used)
+        elif self._since == 1 and self._waited(gap_s):
+            lesson = self._begin(now_s, self.period_s, self.newest)
         elif not self.period_s and self._burst(gap_s):
             # Rows that had waited, as for the run to begin, arrived at once.
             self._bursts += 1
@@ -106,11 +110,16 @@ class ProducerClock:
     def _begin(self, now_s: float, period_s: float, used: int) -> Lesson:
         """Begin to learn anew with the row that arrived, from a period that it may have; 0 for none."""
         self.newest = max(self.newest, used) + 1
-        self._rows = 1
+        self._rows = max(self._rows, 1) if period_s and self._keeps_period else 1
+        self._since = 1
         self.meant_s = self._began_s = now_s
         self._fitted_s = self.period_s = period_s
         self.late_s = self.late_s if period_s else 0.0
         return Lesson.ANEW
+
+    def _waited(self, gap_s: float) -> bool:
+        """True when a row comes so soon after that with which a clock began again that both had waited."""
+        return self._keeps_period and gap_s < 0.5 * self.period_s
 
     def _burst(self, gap_s: float) -> bool:
         """True when the rows before came faster than this one after them; some producers write in bursts."""
@@ -146,19 +155,24 @@ class ProducerClock:
     def _fit(self, now_s: float, gap_s: float, rows: int, used: int) -> Lesson:
         """Take the row into the fit."""
         learnt, period_s = self.period_s > 0.0, self.period_s or self._fitted_s
-        self.newest += rows
-        self._rows += 1
         ahead_s = self.meant_s + rows * period_s
         off_s = now_s - ahead_s
         if learnt and abs(off_s) > max(OFF_PERIODS * period_s, OFF_S) + self.late_s:
-            return self._begin(now_s, period_s, used)
+            return self._begin(now_s, period_s, 0 if self._keeps_period else max(self.newest + rows, used))
+        self.newest += rows
+        self._rows += 1
+        self._since += 1
         if learnt and self._rejects_queued:
             # One late row has a bounded weight; those that waited behind it are the same lateness again.
             off_s = min(off_s, self._tick_s if gap_s <= self._tick_s else period_s)
+            if self._keeps_period:  # and early ones, as those that catch up after it
+                off_s = max(off_s, -period_s)
         k = float(self._rows)
         if period_s > 0.0:
             k = min(k, max(8.0, WINDOW_S / period_s))
-        self.meant_s = ahead_s + 2.0 * (2.0 * k - 1.0) / (k * (k + 1.0)) * off_s
+        # With the period known, the mean of all rows since the clock began is the least-squares fit.
+        gain = max(2.0 * (2.0 * k - 1.0) / (k * (k + 1.0)), 1.0 / self._since)
+        self.meant_s = ahead_s + gain * off_s
         self._fitted_s = period_s = period_s + 6.0 / (k * (k + 1.0)) * off_s / rows
         long_enough = self._rows >= FIRST and now_s - self._began_s >= LEARN_TICKS * self._tick_s
         if learnt or (long_enough and period_s > SHORTEST_S):

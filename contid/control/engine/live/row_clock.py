@@ -19,7 +19,7 @@ from typing import Final
 
 from contid.control.engine.live.producer_clock import SPARSE_S, Lesson, ProducerClock
 from contid.control.tick.config import MOTION_RULES
-from contid.trajectory.pursuit import AxisRates, MovingAxes, pursued
+from contid.trajectory.pursuit import AxisRates, MovingAxes, braked, pursued
 
 #: How many periods a row is played after it was meant: the curve needs two rows more.
 LAG: Final = 2.0
@@ -46,6 +46,7 @@ class RowClock(ProducerClock):
         rate_per_s: rows played per second.
         stop: the motion of the phase to rest; None while rows are played, and once it stands.
         stands: the phase came to rest on a row.
+        resumes: rows came during the stop.
     """
 
     def __init__(self, tick_s: float, rules: int = MOTION_RULES) -> None:
@@ -53,7 +54,9 @@ class RowClock(ProducerClock):
         super().__init__(tick_s, rules)
         self.phase, self.rate_per_s, self._acceleration = -LAG, 0.0, 0.0
         self.stop: MovingAxes | None = None
-        self.stands = False
+        self.stands = self.resumes = False
+        self._stop_rates = (0.0, 0.0)
+        self._farthest_s = 2.0 * SPARSE_S if self._keeps_period else SPARSE_S
         self._plays_longest = rules > 5
         self._margin_s = MARGIN * tick_s
         self._skipped_s = self._behind_s = 0.0  # all ticks that were skipped; of these not made up for
@@ -68,6 +71,16 @@ class RowClock(ProducerClock):
     def expected(self, now_s: float) -> float:
         """By how many rows a row that arrives now comes after the newest."""
         return (now_s - self.meant_s) / self.period_s if self.period_s else 1.0
+
+    def came_s(self, now_s: float, skipped_s: float) -> float:
+        """When a row came that was read now: as expected, where that is within the ticks that were skipped.
+
+        ``skipped_s``: as of `skip`, which comes after the rows of a tick.
+        """
+        waited_s = skipped_s - self._skipped_s
+        if not (self.period_s and waited_s > 0.0 and self._keeps_period):
+            return now_s
+        return min(max(self.meant_s + self.period_s, now_s - waited_s), now_s)
 
     def skip(self, skipped_s: float) -> None:
         """A tick begins; ``skipped_s``: the time of all ticks that were skipped so far."""
@@ -87,7 +100,11 @@ class RowClock(ProducerClock):
         """
         late_s = self.late_s
         lesson = self.learn(now_s, rows, int(self.phase) + 2, self.stands)
-        self.stop, self.stands = None, False
+        self.resumes = self.stop is not None and self._keeps_period and self.period_s > 0.0
+        self.stop = self.stop if self.resumes else None
+        self.stands = False
+        if lesson is Lesson.ANEW and self._keeps_period:
+            self._behind_s = 0.0  # its rows did not come by a clock that went on
         if not self.period_s:
             return
         self._least_per_s = 1.0 / (self.longest_period_s if self._plays_longest else self.period_s)
@@ -97,14 +114,17 @@ class RowClock(ProducerClock):
             self._start(self._due(now_s, late_s), self._least_per_s)
         elif lesson is Lesson.ANEW and self.rate_per_s > FASTEST / self.period_s:
             self.rate_per_s, self._acceleration = FASTEST / self.period_s, 0.0
+            self.stop = None
 
     def play(self, now_s: float) -> float:
         """The phase at a tick."""
         period_s = self.period_s
         if not period_s or self.stands:
             return self.phase
+        if self.resumes and self.stop is not None:
+            return self._resume(self.stop)
         error = self._due(now_s, self.late_s) - self.phase
-        if abs(error) > GREATEST_ERROR + SPARSE_S / period_s:  # it follows another clock
+        if abs(error) > GREATEST_ERROR + self._farthest_s / period_s:  # it follows another clock
             self._start(self.phase + error, self._least_per_s)
             return self.phase
         # A row or more behind there are rows enough; else it goes on as slowly as those so far allow.
@@ -129,6 +149,7 @@ class RowClock(ProducerClock):
             forward: from rest where the phase ran backwards, after a change of the period, and within
                 ``acceleration``.
         """
+        self.resumes, self._stop_rates = False, (acceleration, jerk)
         row, rate = float(self.newest), 1.0 / self.period_s
         now = self.stop or self._begin_of_stop(acceleration, forward)
         top = 2.0 * max(abs(now.velocity[0]), rate)
@@ -152,6 +173,22 @@ class RowClock(ProducerClock):
             acceleration = min(max(acceleration, -most), most) if rate > 0.0 else 0.0
             rate = max(rate, 0.0)
         return MovingAxes((self.phase,), (rate,), (acceleration,))
+
+    def _resume(self, now: MovingAxes) -> float:
+        """One tick of the motion from a stop that rows ended to their rate, within the limits of the stop."""
+        rate = (1.0 + self._behind_s / MADE_UP_S) / self.period_s
+        lost = abs(now.velocity[0] - rate)
+        state = MovingAxes(now.position, (now.velocity[0] - rate,), now.acceleration)
+        most = AxisRates((2.0 * max(lost, rate),), *[(each,) for each in self._stop_rates])
+        after = braked(state, most, self._tick_s, together=False)
+        if after is None or abs(after.velocity[0]) < _THERE * rate:
+            self.stop = None
+            self._start(self.phase + rate * self._tick_s, rate)
+            return self.phase
+        self.phase = after.position[0] + rate * self._tick_s
+        self.rate_per_s, (self._acceleration,) = after.velocity[0] + rate, after.acceleration
+        self.stop = MovingAxes((self.phase,), (self.rate_per_s,), after.acceleration)
+        return self.phase
 
     def _start(self, phase: float, rate_per_s: float) -> None:
         """Go on from a phase at a rate, at once."""

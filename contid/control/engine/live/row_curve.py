@@ -39,8 +39,10 @@ _MOST_RETURNS: Final = 16
 #: Half of the time whose rows give the second difference of a path [s]; this many rows at least.
 BEND_S: Final = 0.05
 _LEAST_BEND: Final = 2
-#: Rows after the newest beyond which the curve stands: where the clock runs away, it does not.
+#: Rows after the newest, and by motion rules from 10 on the time [s], beyond which the curve stands: where
+#: the clock runs away, it does not.
 _FARTHEST: Final = 25
+_FARTHEST_S: Final = 0.15
 #: What a bend may add, as a share of the way straight on.
 _MOST_BEND: Final = 0.25
 
@@ -127,8 +129,11 @@ class RowCurve(dict[int, Vector]):
         straight = tuple([b + on * (b - a) for a, b in zip(self.before, self.last, strict=True)])
         if self._rules < 4:
             return straight
-        if on > _FARTHEST:
-            return self[self.newest + _FARTHEST]
+        farthest = _FARTHEST
+        if self._rules > 9 and self._period_s:
+            farthest = max(farthest, round(_FARTHEST_S / self._period_s))
+        if on > farthest:
+            return self[self.newest + farthest]
         over = max(_LEAST_BEND, round(BEND_S / self._period_s)) if self._period_s else _LEAST_BEND
         if self._rules > 5:  # rows before the first are none of the path
             over = min(over, (self.newest - self._first) // 2)

@@ -82,7 +82,8 @@ class TargetFollower:
             self._curve = self._line = None
             return
         clock, curve, vector = self._clock, self._curve, vector_of(row)
-        clock_s = now_s + self._counted(skipped_s)
+        skipped_s = self._counted(skipped_s)
+        clock_s = clock.came_s(now_s + skipped_s, skipped_s)
         before, self._kind = self._kind, kind_of(row)
         if curve is None or before != self._kind:
             clock.arrived(clock_s)
@@ -136,13 +137,14 @@ class TargetFollower:
         clock = self._clock
         if not clock.period_s or curve.rests(clock.phase):
             return clock.play(clock_s)
-        if clock.stop is None:
+        if clock.stop is None or clock.resumes:
             most = EXPECTED_S / clock.period_s
             if self._config.motion_rules > 3:  # a period that is learnt too short leads no farther
                 most = min(most, EXPECTED_ROWS)
             if not self._ended and clock.missing() <= max(1.0, most):
                 return clock.play(clock_s)
-            self._rates = self._phase_rates(state)
+            if clock.stop is None:  # else rows that came end in a stop again, within the limits of the first
+                self._rates = self._phase_rates(state)
         if clock.come_to_rest(*self._rates, forward=self._config.motion_rules > 1):
             off = max(abs(a - b) for a, b in zip(curve.at(clock.phase), curve.last, strict=True))
             if off > _SAME:

@@ -15,6 +15,8 @@ PATTERNS = {
     "a stall of 45 ms twice a second": (9, 91),
     "100 ms once a second": (20, 180),
     "100 ms thrice in two seconds": (20, 113),
+    "150 ms thrice in three seconds": (30, 150),
+    "190 ms twice in two seconds": (38, 150),
     "each third tick": (1, 2),
     "each sixth tick": (1, 5),
 }
