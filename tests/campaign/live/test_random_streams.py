@@ -67,6 +67,12 @@ def test_a_row_that_repeats_the_last_one_after_a_stall_is_arrived_at() -> None:
     assert violations(stage, rows_of(stage, number), skips_of(number)) == {}
 
 
+def test_rows_that_come_amid_a_stop_do_not_keep_the_robot_from_its_end() -> None:
+    """They ended the stop each time that the phase passed the last row, for ever."""
+    stage, number = staged("ftdcr_v4"), 65000159
+    assert violations(stage, rows_of(stage, number), skips_of(number)) == {}
+
+
 def test_they_do_while_ticks_are_skipped() -> None:
     tally = campaign(("finger", "trirack"), 6, seed=7, skips=True)
     assert not tally.counts, tally.table()
