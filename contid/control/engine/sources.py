@@ -33,7 +33,8 @@ class Timed:
     Its clock starts when every robot that follows it has arrived at the first row (a robot in FAULT, or held
     by an order, is not waited for), and counts ticks: time ``start + n/rate``, so a row written at a tick is
     met exactly. Skipped ticks are not counted, so robots stay on the path. Starts and ends at speed are
-    eased (`contid.control.tick.soft_start`).
+    eased (`contid.control.tick.soft_start`). Once orders have stopped every robot that follows it, one by one
+    or by name, it stands until one follows again.
 
     Attributes:
         waits: it stays at its first row.
@@ -59,6 +60,7 @@ class Timed:
         self._lead = self._tail = 0
         self._slowed = 0.0  # ticks by which it is later since its clock started, because a body was behind
         self._paused = False
+        self._waits_for_orders = all(config.motion_rules > 9 for config in self._configs)
         self.waits = waits
         self.within_reach = trajectory.within_reach
         self._ended_at: int | None = None
@@ -80,6 +82,12 @@ class Timed:
     def watch(self, tick: int, states: Sequence[RobotState]) -> None:
         """After a tick: start the clock when every robot has arrived; detect the end."""
         followers = [states[index] for index in self._robots if states[index].follow]
+        if self._waits_for_orders and not followers:
+            if all(states[index].mode is not Mode.FAULT for index in self._robots):
+                self._base, self._origin, self._ended_at = self._position(tick), None, None
+                return
+        elif self._waits_for_orders and len(followers) == len(self._robots):
+            self._paused = False  # each was resumed by its name
         if self._ended_at is not None:
             still = all(state.command == state.reference for state in followers)
             self.finished = still or tick - self._ended_at > SETTLE_S * self._rate_hz
