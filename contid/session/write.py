@@ -43,7 +43,7 @@ def compact(path: Path, written: FileIdentity) -> None:
 
     Args:
         path: where it was begun.
-        written: the file that was written there; another one, as of a run after it was moved, stays untouched.
+        written: the file that was written there; another one, of a run after it was moved, stays untouched.
 
     Raises:
         ContidError: it cannot be written, or it was moved; both files are unchanged.

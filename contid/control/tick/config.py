@@ -52,7 +52,8 @@ if TYPE_CHECKING:
 #: their live targets were compared with the limits: in each tick of a stop (``kernels/limiter/guard.hpp``); a
 #: tip takes no straight line that is far slower than its axes (`contid.control.engine.live.tip_line`). 9:
 #: rows of a live stream come by a clock that counts skipped ticks (`contid.control.engine.live.row_clock`).
-#: 10: a trajectory stands while orders keep every robot from following it (`contid.control.engine.sources`).
+#: 10: a trajectory stands while orders, or faults that a client may clear, keep every robot from following it
+#: (`contid.control.engine.sources`).
 MOTION_RULES: Final = 10
 #: Data younger than this are never stale: a slow regulator measures at 20 Hz or so.
 STALE_S: Final = 0.1

@@ -13,7 +13,14 @@ from typing import Any, Final, Self, TypeAlias
 from contid.remote.client.client_protocol import RESPONSE_TIMEOUT_S, ClientProtocol, Request
 from contid.remote.client.wires import Address, address_of
 from contid.remote.protocol.socket_path import find
-from contid.remote.protocol.wire import PROTOCOL, Code, ConnectionLostError, Fields, NoDaemonError, RemoteError
+from contid.remote.protocol.wire import (
+    PROTOCOL,
+    Code,
+    ConnectionLostError,
+    Fields,
+    NoDaemonError,
+    RemoteError,
+)
 
 #: One robot by name, several, or None for all.
 Robots: TypeAlias = str | tuple[str, ...] | list[str] | None
@@ -218,7 +225,9 @@ class Orders(ABC):
         refused = result.get("refused", {})
         faults = {name: now[name].get("fault") for name in result["robots"] if name not in refused}
         faults = {name: fault for name, fault in faults.items() if fault}
-        why = {name: f"{name}: fault {it['number']} {it['name']}, {it['what']}" for name, it in faults.items()}
+        why = {
+            name: f"{name}: fault {it['number']} {it['name']}, {it['what']}" for name, it in faults.items()
+        }
         if why:
             result["refused"] = {**refused, **why}
         if why and result["refused"].keys() >= result["robots"].keys():

@@ -69,7 +69,11 @@ def test_a_recording_is_kept_although_the_pose_file_was_broken_meanwhile(
 @pytest.mark.parametrize(
     ("grip", "answer", "message"),
     [
-        (None, {"silent": {"f0": ["left"]}}, "f0.left did not answer and may have torque; keep your hands off"),
+        (
+            None,
+            {"silent": {"f0": ["left"]}},
+            "f0.left did not answer and may have torque",
+        ),
         (0.1, {"refused": {"f1": "f1: none of its axes limits its effort"}}, "refused: f1: none of its axes"),
     ],
 )

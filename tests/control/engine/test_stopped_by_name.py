@@ -1,4 +1,4 @@
-"""Robots that are stopped by name, as by their cards in the panel, and what their trajectory does meanwhile."""
+"""Robots that are stopped by name, as in the panel, or by a fault: where their trajectory goes on."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import pytest
 
-from contid.control.engine.messages import Estop, Hold, Message, Resume, Stop
+from contid.control.engine.messages import ClearFault, Estop, Hold, Message, Resume, Stop
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.supervisor import Mode
 from tests.support.fingers import Collector, circle, load, run_virtual
@@ -79,3 +79,22 @@ def test_of_robots_stopped_together_one_that_is_resumed_waits_for_the_other() ->
     times = {record.tick: record.source_s for record in went.records}
     assert times[STOPPED + 1] == times[RESUMED + 300]
     assert times[RESUMED + 600] > times[RESUMED]
+
+
+SILENT = "faults:\n  - {at_s: 2.0, for_s: 0.2, kind: silent, axis: f0.left}\n"
+
+
+@pytest.mark.parametrize("goes_on", [F0, None])
+def test_after_a_fault_it_goes_on_where_it_stopped(goes_on: tuple[str, ...] | None) -> None:
+    loaded = load(1, options=SILENT)
+    collector = Collector(loaded)
+    # An order before makes the run wait although its only robot is in FAULT.
+    orders: dict[int, list[Message]] = {
+        100: [Hold()], 120: [Resume(None)], RESUMED - 100: [ClearFault()], RESUMED: [Resume(goes_on)],
+    }  # fmt: skip
+    path = circle(loaded, period_s=4.0)
+    run_virtual(loaded, 200.0, path, sinks=[collector], orders=orders, ticks=LAST)
+    times = {record.tick: record.source_s for record in collector.records}
+    assert times[420] == times[RESUMED] < path.end_s
+    assert off_the_circle_m(collector, 0) < 2e-3, "the silent servo stopped beside its command"
+    assert [event["event"] for event in collector.events if event["event"] == "end"] == ["end"]

@@ -1,7 +1,7 @@
 """Playing a sequence of poses on a running daemon, step by step, under its limits and its lease.
 
-The lease is held from the first step to the last: a sequence that has lost it ends, also where somebody let the
-robots go on meanwhile. Who stops robots and arms them again does not expect them to move.
+The lease is held from the first step to the last: a sequence that has lost it ends, also where somebody let
+the robots go on meanwhile. Who stops robots and arms them again does not expect them to move.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Final
 
 from contid.client import Client, Code, RemoteError
