@@ -110,7 +110,7 @@ def test_a_stop_ends_the_sequence_and_an_interrupt_holds() -> None:
         assert states(client) <= {"HOLD", "STOPPING", "OFF"}
 
 
-def test_a_sequence_that_somebody_stopped_does_not_go_on_when_the_robots_are_armed_again() -> None:
+def test_a_sequence_that_was_stopped_does_not_go_on_when_the_robots_are_armed_again() -> None:
     """The stop comes while it waits, and is over before the next step."""
     poses = POSES.partition("sequence:")[0] + "sequence:\n  - {pose: here, wait_s: 3}\n  - {pose: far}\n"
     with daemon(1, "--on-end", "hold") as running, running.client() as client:

@@ -77,7 +77,7 @@ def test_a_recording_is_kept_although_the_pose_file_was_broken_meanwhile(
         (0.1, {"refused": {"f1": "f1: none of its axes limits its effort"}}, "refused: f1: none of its axes"),
     ],
 )
-def test_nobody_is_told_to_touch_a_robot_that_may_have_power(
+def test_a_robot_that_may_have_power_is_not_given_to_a_hand(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     grip: float | None,

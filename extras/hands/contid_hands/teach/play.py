@@ -1,6 +1,6 @@
 """Playing a sequence of poses on a running daemon, step by step, under its limits and its lease.
 
-The lease is held from the first step to the last: a sequence that has lost it ends, also where somebody let
+The lease is held from the first step to the last: a sequence that has lost it ends, also where a person let
 the robots go on meanwhile. Who stops robots and arms them again does not expect them to move.
 """
 
