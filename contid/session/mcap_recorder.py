@@ -33,7 +33,7 @@ from contid.control.engine.tick_layout import DEADLINE
 from contid.control.process.ring_reader import DatedEvent, RingReader
 from contid.errors import ContidError
 from contid.session.format.header import END, NPZ, Attached, RecorderJob
-from contid.session.write import SessionWriter, compact
+from contid.session.write import FileIdentity, SessionWriter, compact
 
 READY: Final = "ready"
 #: Begin of a line with the number of ticks that are missing in the file, because the disk was too slow.
@@ -102,6 +102,11 @@ class McapRecorder:
         if not finished and not self._ended:
             self._writer.event(RecorderFailed(message="the control process ended unexpectedly"))
         self._writer.finish()
+
+    @property
+    def identity(self) -> FileIdentity:
+        """Of the file that it writes."""
+        return self._writer.identity
 
     def listen(self, descriptor: int) -> None:
         """Take trajectories of the daemon's later orders from its pipe."""
@@ -227,7 +232,7 @@ def main() -> int:
     if os.getppid() != daemon:  # the daemon, which removes the ring, has ended
         job.ring.unlink(missing_ok=True)
     try:
-        compact(job.path)
+        compact(job.path, recorder.identity)
     except ContidError as error:
         _answer(f"complete, but not compacted: {error}")
     return 0

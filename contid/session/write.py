@@ -16,7 +16,7 @@ import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.json_form import to_json
@@ -33,18 +33,42 @@ from contid.whole_file import sync_folder
 PRIVATE: Final = 0o600
 #: Bytes collected before a write in virtual time, where no reader follows the file.
 _BUFFER_BYTES: Final = 1 << 20
+#: Of a recording that has another name now.
+MOVED: Final = "it was moved meanwhile; `contid session repair` compacts it where it is"
 _EVENT_ID: Final = CHANNELS.index(EVENT) + 1
 
 
-def compact(path: Path) -> None:
+def compact(path: Path, written: FileIdentity) -> None:
     """Compress and index a complete session in its place; without the extra `sessions` it stays as it is.
 
+    Args:
+        path: where it was begun.
+        written: the file that was written there; another one, of a run after it was moved, stays untouched.
+
     Raises:
-        ContidError: it cannot be written; the session is unchanged.
+        ContidError: it cannot be written, or it was moved; both files are unchanged.
     """
+    try:
+        moved = identity_of(path.stat()) != written
+    except OSError:
+        moved = True
+    if moved:
+        raise ContidError(f"{path}: {MOVED}")
     compacted = load_one(RECORDINGS, "compact")
     if compacted is not None:
         compacted(path)
+
+
+class FileIdentity(NamedTuple):
+    """What stays of a file that is moved: device and inode."""
+
+    device: int
+    inode: int
+
+
+def identity_of(found: os.stat_result) -> FileIdentity:
+    """The identity of a file by its status."""
+    return FileIdentity(found.st_dev, found.st_ino)
 
 
 def exists_error(path: Path) -> ContidError:
@@ -53,7 +77,12 @@ def exists_error(path: Path) -> ContidError:
 
 
 class SessionWriter:
-    """Writes one session; a `contid.control.engine.cycle.Sink` of a run in virtual time."""
+    """Writes one session; a `contid.control.engine.cycle.Sink` of a run in virtual time.
+
+    Attributes:
+        path: where it was begun.
+        identity: of the file, wherever it is moved.
+    """
 
     def __init__(self, path: Path, header: Header) -> None:
         """Create the file with its head.
@@ -73,6 +102,7 @@ class SessionWriter:
             raise exists_error(path) from None
         except OSError as error:
             raise ContidError(f"{path}: cannot record: {error.strerror}") from error
+        self.identity = identity_of(os.fstat(self._file))
         with suppress(OSError):  # a file system without locks
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         #: Messages since the last write, and the time of the first of them.

@@ -33,10 +33,12 @@ class Timed:
     Its clock starts when every robot that follows it has arrived at the first row (a robot in FAULT, or held
     by an order, is not waited for), and counts ticks: time ``start + n/rate``, so a row written at a tick is
     met exactly. Skipped ticks are not counted, so robots stay on the path. Starts and ends at speed are
-    eased (`contid.control.tick.soft_start`).
+    eased (`contid.control.tick.soft_start`). Once every robot that follows it was stopped, one by one, by
+    name or by a fault that a client may clear, it stands until one follows again.
 
     Attributes:
         waits: it stays at its first row.
+        attended: a client may let a robot in FAULT go on.
         within_reach: its targets were found within reach.
         time_s: time in the trajectory [s].
         finished: it has ended, and every robot has reached its last target.
@@ -59,7 +61,8 @@ class Timed:
         self._lead = self._tail = 0
         self._slowed = 0.0  # ticks by which it is later since its clock started, because a body was behind
         self._paused = False
-        self.waits = waits
+        self._waits_for_orders = all(config.motion_rules > 9 for config in self._configs)
+        self.waits, self.attended = waits, False
         self.within_reach = trajectory.within_reach
         self._ended_at: int | None = None
         self.time_s = trajectory.start_s
@@ -80,6 +83,12 @@ class Timed:
     def watch(self, tick: int, states: Sequence[RobotState]) -> None:
         """After a tick: start the clock when every robot has arrived; detect the end."""
         followers = [states[index] for index in self._robots if states[index].follow]
+        if self._waits_for_orders and not followers:
+            if self.attended or all(states[index].mode is not Mode.FAULT for index in self._robots):
+                self._base, self._origin, self._ended_at = self._position(tick), None, None
+                return
+        elif self._waits_for_orders and len(followers) == len(self._robots):
+            self._paused = False  # each was resumed by its name
         if self._ended_at is not None:
             still = all(state.command == state.reference for state in followers)
             self.finished = still or tick - self._ended_at > SETTLE_S * self._rate_hz

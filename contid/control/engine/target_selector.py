@@ -141,6 +141,8 @@ class TargetSelector:
         source = self.source
         if isinstance(source, Live) and tick % STATED_TICKS == 0:
             self._report_delay(source.delay_s, tick)
+        if isinstance(source, Timed):
+            source.attended = self.attended
         if source is not None:
             source.watch(step, self._robots.states)
             if source.finished and not self.ended:

@@ -13,7 +13,14 @@ from typing import Any, Final, Self, TypeAlias
 from contid.remote.client.client_protocol import RESPONSE_TIMEOUT_S, ClientProtocol, Request
 from contid.remote.client.wires import Address, address_of
 from contid.remote.protocol.socket_path import find
-from contid.remote.protocol.wire import PROTOCOL, ConnectionLostError, Fields, NoDaemonError, RemoteError
+from contid.remote.protocol.wire import (
+    PROTOCOL,
+    Code,
+    ConnectionLostError,
+    Fields,
+    NoDaemonError,
+    RemoteError,
+)
 
 #: One robot by name, several, or None for all.
 Robots: TypeAlias = str | tuple[str, ...] | list[str] | None
@@ -183,24 +190,48 @@ class Orders(ABC):
         """Limit the effort to a share (0 to 1) of that of the robot file; moves and arms nothing."""
         return await self.request("grip", share=share, robots=names_of(robots))
 
-    async def recover(self, robots: Robots = None, *, after_stop: bool = False) -> Fields:
-        """Move robots that were found outside their limits inside, slowly; they hold there."""
-        return await self.request("recover", robots=names_of(robots), after_stop=after_stop or None)
+    async def recover(self, robots: Robots = None, *, wait: bool = True, after_stop: bool = False) -> Fields:
+        """Move robots that were found outside their limits inside, slowly; they hold there.
+
+        Arguments and errors are those of `resume`.
+        """
+        return await self._arm("recover", robots, wait, after_stop)
 
     async def resume(self, robots: Robots = None, *, wait: bool = True, after_stop: bool = False) -> Fields:
         """Arm if need be and follow the previous target again; waits until the robots are armed.
 
         Args:
             robots: names; None for all.
-            wait: return when they are armed.
+            wait: return when they are armed; ``refused`` of the result has, by robot, why others are not.
             after_stop: go on although another client stopped them; for a person who has checked the robots.
+
+        Raises:
+            RemoteError: refused, or no robot could be armed.
         """
-        result = await self.request("resume", robots=names_of(robots), after_stop=after_stop or None)
+        return await self._arm("resume", robots, wait, after_stop)
+
+    async def _arm(self, verb: str, robots: Robots, wait: bool, after_stop: bool) -> Fields:
+        result = await self.request(verb, robots=names_of(robots), after_stop=after_stop or None)
         while wait and _NOT_ARMED_YET & set(result["robots"].values()):
             await self._sleep(POLL_S)
             status = await self.status()
             result["robots"] = {name: status["robots"][name]["state"] for name in result["robots"]}
+        if wait and "FAULT" in result["robots"].values():
+            self._refuse_faults(result, (await self.status())["robots"])
         return result
+
+    def _refuse_faults(self, result: Fields, now: Fields) -> None:
+        """Add robots that went to FAULT while they were armed to those that refused."""
+        refused = result.get("refused", {})
+        faults = {name: now[name].get("fault") for name in result["robots"] if name not in refused}
+        faults = {name: fault for name, fault in faults.items() if fault}
+        why = {
+            name: f"{name}: fault {it['number']} {it['name']}, {it['what']}" for name, it in faults.items()
+        }
+        if why:
+            result["refused"] = {**refused, **why}
+        if why and result["refused"].keys() >= result["robots"].keys():
+            raise RemoteError(Code.FAULT, "; ".join(result["refused"].values()), faults)
 
     async def wait(self, move: int) -> None:
         """Wait until a move has ended; keeps the lease meanwhile.

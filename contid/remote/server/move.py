@@ -140,11 +140,16 @@ class Phase(enum.Enum):
 
 @dataclass(slots=True, eq=False)
 class TimedMove(Move):
-    """A timed trajectory: the reader of its rows, its rows in the units of their columns, and its phase."""
+    """A timed trajectory: the reader of its rows, its rows in the units of their columns, and its phase.
+
+    Attributes:
+        faulted: a robot went to FAULT since it was sent to the tick.
+    """
 
     reader: RowReader
     rows: list[Sequence[float]] = field(default_factory=list)
     phase: Phase = Phase.COLLECTED
+    faulted: bool = False
 
     @property
     def open(self) -> bool:

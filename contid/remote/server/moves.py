@@ -12,7 +12,8 @@ and its last row is then a goto. A timed trajectory is checked as a whole like a
                ``start`` at a time                    WAITS, and the tick begins then
                it begins (an order "go")              PLAYED
                `NOT_AT_START`                         ended
-    PLAYED     `SourceEnded`                          ended
+    PLAYED     `SourceEnded`, or all its robots       ended
+               are in FAULT
 
 What the table does not have is refused. Another move, a stop, or the loss of the lease ends a move in every
 phase (`abort`). Requests of one client overlap: after each ``await`` the move may be the current one no more.
@@ -30,7 +31,13 @@ from typing import Any, Final
 
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import RunEvent
-from contid.control.engine.events.robots import GotoEnded, OrderGiven, OrderRefused, SqueezeChanged
+from contid.control.engine.events.robots import (
+    FaultLatched,
+    GotoEnded,
+    OrderGiven,
+    OrderRefused,
+    SqueezeChanged,
+)
 from contid.control.engine.events.run import SourceEnded
 from contid.control.engine.messages import NOT_AT_START, Begin, Follow, Message, Play, Rows, Start
 from contid.control.engine.tick_layout import TickRecord
@@ -226,19 +233,23 @@ class Moves:
         return self._current is not None and self._current.client == client
 
     def refill(self) -> None:
-        """Grant the credit that has grown with time; called periodically."""
+        """Grant the credit that has grown with time, end what only faults have left; called periodically."""
         move = self._current
         if isinstance(move, LiveMove) and move.credit.refilled(asyncio.get_running_loop().time()):
             move.notify({"event": "credit", "move": move.number, **move.credit.fields})
+        elif isinstance(move, TimedMove) and move.faulted and move.phase is Phase.PLAYED:
+            record, robots = self._control.newest(), move.reader.robots
+            if all(self._view.mode(name, record) is Mode.FAULT for name in robots):
+                self.abort(f"{', '.join(robots)} did not arrive", self._view.faults(record, robots))
 
-    def abort(self, message: str) -> None:
+    def abort(self, message: str, faults: Mapping[str, Fields] | None = None) -> None:
         """End checks, and the move along rows before its end, if there is one; gotos notify their own end."""
         self._checks.end(message)
         move, self._current = self._current, None
         if move is not None:
             # Without targets a later resume arms the robots and does not move them.
             self._control.send(Begin())
-            move.end(False, message)
+            move.end(False, message, faults)
 
     def stop(self, message: str) -> None:
         """End also orders that wait for their turn: the robots are stopped, or another client moves them."""
@@ -257,6 +268,8 @@ class Moves:
             self._control.send(Begin())
             faults = self._view.faults(self._control.newest(), move.reader.robots)
             move.end(not faults, f"{', '.join(faults)} did not arrive" if faults else "", faults)
+        elif isinstance(event, FaultLatched) and move is not None:
+            move.faulted = True
         elif isinstance(event, OrderRefused) and event.message == NOT_AT_START:
             self.abort(event.message)
         elif isinstance(event, OrderGiven) and event.order["order"] == "go" and move is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import subprocess
 import time
@@ -107,6 +108,41 @@ def test_a_stop_ends_the_sequence_and_an_interrupt_holds() -> None:
         assert "p.yaml:" in message
         time.sleep(0.2)
         assert states(client) <= {"HOLD", "STOPPING", "OFF"}
+
+
+def test_a_sequence_that_was_stopped_does_not_go_on_when_the_robots_are_armed_again() -> None:
+    """The stop comes while it waits, and is over before the next step."""
+    poses = POSES.partition("sequence:")[0] + "sequence:\n  - {pose: here, wait_s: 3}\n  - {pose: far}\n"
+    with daemon(1, "--on-end", "hold") as running, running.client() as client:
+        armed(client)
+        (running.folder / "p.yaml").write_text(poses)
+        process = subprocess.Popen(
+            [*command("play", "p.yaml"), "--socket", str(running.socket)],
+            cwd=running.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        arrives(client, "f0", (50.0, 75.0, 0.0))
+        until(lambda: states(client) == {"HOLD"}, "it waits")
+        client.stop()
+        until(lambda: states(client) == {"OFF"}, "it stopped")
+        client.resume(after_stop=True)
+        stands = client.status()["robots"]["f0"]["tip_mm"]
+        done, message = process.communicate(timeout=20)
+        assert process.returncode == 2, done
+        assert re.search(r"p\.yaml:9:5: pose 'here': .* the sequence ends", message)
+        assert client.status()["robots"]["f0"]["tip_mm"] == pytest.approx(stands, abs=0.1)
+
+
+def test_a_trajectory_without_times_is_refused_before_anything_moves() -> None:
+    sequence = "sequence:\n  - {pose: here}\n  - {loop: 2, steps: [{trajectory: live.csv}]}\n"
+    with daemon() as running, running.client() as client:
+        armed(client)
+        (running.folder / "p.yaml").write_text(POSES.partition("sequence:")[0] + sequence)
+        (running.folder / "live.csv").write_text("x_mm,y_mm\n50,75\n48,75\n50,75\n")
+        before = client.status()["robots"]["f0"]["target_mm"]
+        done = contid(running, "play", "p.yaml")
+        assert done.returncode == 2
+        assert re.search(r"p\.yaml:10:\d+: live\.csv: no column 't_s'", done.stderr)
+        assert client.status()["robots"]["f0"]["target_mm"] == before
 
 
 def test_play_without_a_daemon_and_without_a_sequence(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ poses:
   there: {target: {x_mm: 10, y_mm: 20, z_mm: 90}}
 sequence:
   - {pose: bent, time_s: 5}
-  - {trajectory: live.csv}
+  - {trajectory: line.csv}
 """
 AXES = {f"s1.l{i}": {"min_bar": 0.0, "max_bar": 2.0} for i in (1, 2, 3)}
 ARM = {
@@ -36,6 +36,10 @@ class Daemon:
         self.rows: list[Sequence[Sequence[float]]] = []
         self.refused: list[str] = []
 
+    def request(self, verb: str, unless_stopped: bool) -> dict[str, Any]:
+        assert (verb, unless_stopped) == ("acquire", True)
+        return {}
+
     def describe(self) -> dict[str, Any]:
         return {"robots": {"arm": ARM}}
 
@@ -50,7 +54,7 @@ class Daemon:
 
 
 def player(tmp_path: Path, daemon: Daemon) -> Player:
-    (tmp_path / "live.csv").write_text("x_mm,y_mm,z_mm\n10,20,90\n")
+    (tmp_path / "line.csv").write_text("t_s,x_mm,y_mm,z_mm\n0,10,20,90\n")
     file = parse_pose_file(POSES, tmp_path / "p.yaml")
     return Player(cast(Client, daemon), file, (), lambda line: None)
 

@@ -64,3 +64,32 @@ def test_a_recording_is_kept_although_the_pose_file_was_broken_meanwhile(
     teacher.press("r")
     assert (tmp_path / "motion1.csv").is_file()
     assert "hand.poses.yaml:1:" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("grip", "answer", "message"),
+    [
+        (
+            None,
+            {"silent": {"f0": ["left"]}},
+            "f0.left did not answer and may have torque",
+        ),
+        (0.1, {"refused": {"f1": "f1: none of its axes limits its effort"}}, "refused: f1: none of its axes"),
+    ],
+)
+def test_a_robot_that_may_have_power_is_not_given_to_a_hand(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    grip: float | None,
+    answer: dict[str, Any],
+    message: str,
+) -> None:
+    client = SimpleNamespace(
+        describe=lambda: described(tmp_path), acquire=lambda timeout_s, takeover: {},
+        estop=lambda robots: answer, grip=lambda share, robots: answer,
+    )  # fmt: skip
+    taught = TeachSession(cast(Client, client), (), None, 20.0, print)
+    with pytest.raises(ContidError, match=message) as raised:
+        taught.prepare(False, grip, False)
+    assert raised.value.exit_code == 4
+    assert "by hand" not in capsys.readouterr().out

@@ -65,7 +65,7 @@ class PageOrders:
             "estop": self._estop,
             # The page asks the person before it sends this after a stop of another client.
             "resume": _to_robots(client.request, partial(AsyncClient.resume, wait=False, after_stop=True)),
-            "recover": _to_robots(client.request, partial(AsyncClient.recover, after_stop=True)),
+            "recover": _to_robots(client.request, partial(AsyncClient.recover, wait=False, after_stop=True)),
             "acquire": self._acquire,
             "release": self._plain("release"),
             "goto": self._goto,

@@ -30,3 +30,27 @@ def test_a_robot_outside_its_limits_moves_by_recover_only() -> None:
         with pytest.raises(RemoteError, match="nothing to recover"):
             client.recover(["f0"])
         running.end(130)
+
+
+def test_a_robot_that_goes_to_fault_while_it_is_armed_was_not_resumed() -> None:
+    outside = f"{AXIS}, start_deg: 1000"
+    with daemon(2, change=lambda text: text.replace(AXIS, outside, 1)) as running, running.client() as client:
+        until(lambda: states(client) == {"FAULT", "HOLD"}, "one is outside its limits")
+        client.clear_fault(["f0"])
+        with pytest.raises(RemoteError, match="f0: fault 109 outside-limits, ") as raised:
+            client.resume(["f0"])
+        assert raised.value.faults["f0"]["number"] == 109
+        client.clear_fault(["f0"])
+        assert client.resume(wait=False)["robots"].keys() == {"f0", "f1"}
+        until(lambda: states(client) == {"FAULT", "HOLD"}, "it was found again")
+        client.clear_fault(["f0"])
+        resumed = client.resume()
+        assert (resumed["robots"]["f1"], list(resumed["refused"])) == ("HOLD", ["f0"])
+        client.clear_fault(["f0"])
+        done = subprocess.run(
+            command("resume", "f0", "--socket", str(running.socket)),
+            capture_output=True, text=True, timeout=60,
+        )  # fmt: skip
+        assert done.returncode == 3, done.stdout
+        assert "contid recover" in done.stderr
+        running.end(3)

@@ -155,7 +155,7 @@ def test_a_fault_is_explained_latched_and_cleared_without_motion() -> None:
 
 
 def test_a_trajectory_that_a_fault_interrupts_is_no_success() -> None:
-    """Its clock goes on in FAULT, and its end counted as arrival: `contid move` exited with 0."""
+    """Its end in FAULT counted as arrival once: `contid move` exited with 0."""
     with daemon(options=SILENT) as running, running.client() as client:
         armed(client)
         rows = [(0.0, HERE["x_mm"], HERE["y_mm"]), (3.0, HERE["x_mm"] + 1.0, HERE["y_mm"])]

@@ -1,15 +1,18 @@
-"""Playing a sequence of poses on a running daemon, step by step, under its limits and its lease."""
+"""Playing a sequence of poses on a running daemon, step by step, under its limits and its lease.
+
+The lease is held from the first step to the last: a sequence that has lost it ends, also where a person let
+the robots go on meanwhile. Who stops robots and arms them again does not expect them to move.
+"""
 
 from __future__ import annotations
 
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from contid.client import Client, Code, RemoteError
-from contid.errors import ContidError
+from contid.errors import BadInputError, ContidError
 from contid.remote.client.described_robot import columns_of
 from contid.remote.client.move_arguments import columns_and_rows
 from contid.robot_file.positions import KeyPath
@@ -18,12 +21,16 @@ from contid_hands.teach.pose_file import PoseFile, SequenceStep
 from contid_paths.bends import between
 from contid_paths.shapes import minimum_jerk
 
-#: Period of requests that keep the lease during a wait; it lapses after two seconds.
-PING_PERIOD_S: Final = 0.25
+#: Period of the looks at the lease during a wait, which keep it; it lapses after two seconds.
+LOOK_PERIOD_S: Final = 0.25
 #: Rows of a motion with a time: the daemon lays a smooth curve through them.
 ROWS_PER_S: Final = 25.0
 MIN_ROWS: Final = 16
 MAX_ROWS: Final = 2000
+#: Of a trajectory whose rows would be followed as fast as they can be sent.
+NO_TIMES: Final = "no column 't_s': a trajectory with times begins with it"
+#: Of a lease that another client, or time, has ended.
+LOST: Final = "the lease was lost, so that the robots were held, and perhaps moved, by others"
 #: Columns of a robot, and the field of telemetry with what was commanded of them last.
 _BEGIN: Final = {"axes": "command", "tip": "command_tip_mm", "bends": "bends"}
 
@@ -45,8 +52,9 @@ class Player:
         report: called with a line about each step.
 
     Raises:
-        BadInputError: poses of ``names`` or of the sequence do not suit the robots; nothing has moved.
-        ContidError: no such pose.
+        BadInputError: poses of ``names`` or of the sequence do not suit the robots, or a trajectory has no
+            times; nothing has moved.
+        ContidError: no such pose, or a trajectory cannot be read.
     """
 
     def __init__(
@@ -56,6 +64,7 @@ class Player:
         self._file = file
         self._report = report
         self._last: dict[str, float] = {}
+        self._begun = False
         self._describe = client.describe()
         self._steps = tuple(SequenceStep(pose=name) for name in names) or file.contents.sequence
         if not self._steps:
@@ -66,6 +75,11 @@ class Player:
             file.pose(name)
         check_targets(file, self._describe, used)
         self._given = bool(names)
+        #: Columns and rows by the path of each trajectory, read before anything moves.
+        self._rows: dict[str, tuple[list[str], list[list[float]]]] = {}
+        for path, step in () if names else file.located_steps():
+            if step.trajectory is not None and step.trajectory not in self._rows:
+                self._rows[step.trajectory] = self._read(step.trajectory, path)
 
     def play(self, repeat: int) -> None:
         """Do all steps ``repeat`` times, 0 for ever.
@@ -85,6 +99,7 @@ class Player:
             for _ in range(step.loop or 0):
                 self._play((*here, "steps"), step.steps or ())
             try:
+                self._keep_lease()
                 self._one(step)
             except RemoteError as error:
                 raise StepRefusedError(self._where(here, step), error) from None
@@ -109,7 +124,7 @@ class Player:
             self._last = dict(target)
         elif step.trajectory is not None:
             self._report(f"trajectory {step.trajectory}")
-            self._trajectory(self._file.path.parent / step.trajectory)
+            self._trajectory(step.trajectory)
         if step.wait_s:
             self._report(f"wait {step.wait_s:g} s")
             self._wait(step.wait_s)
@@ -138,16 +153,23 @@ class Player:
                             present[key] = value
         return present
 
-    def _trajectory(self, path: Path) -> None:
+    def _trajectory(self, name: str) -> None:
+        self._stream(*self._rows[name])
+        self._last = {}
+
+    def _read(self, name: str, key: KeyPath) -> tuple[list[str], list[list[float]]]:
+        """Columns and rows of a trajectory; ``key`` is that of its step."""
+        path = self._file.path.parent / name
         try:
             with path.open(encoding="utf-8") as file:
                 columns, rows = columns_and_rows(file)
-                self._stream(columns, list(rows))
+                if "t_s" not in columns:
+                    raise BadInputError([self._file.document.at_key(key, f"{path}: {NO_TIMES}")])
+                return columns, list(rows)
         except (OSError, UnicodeDecodeError) as error:
             raise ContidError(f"{path}: cannot be read: {error}") from error
-        self._last = {}
 
-    def _stream(self, columns: list[str], rows: list[Any]) -> None:
+    def _stream(self, columns: list[str], rows: list[list[float]]) -> None:
         if refused := self._client.stream(columns, rows):
             raise RemoteError(Code.BAD_TARGET, f"refused: {'; '.join(refused)}")
 
@@ -155,5 +177,20 @@ class Player:
         """Wait and keep the lease."""
         until_s = time.monotonic() + seconds
         while (left_s := until_s - time.monotonic()) > 0.0:
-            self._client.ping()
-            time.sleep(min(PING_PERIOD_S, left_s))
+            self._keep_lease()
+            time.sleep(min(LOOK_PERIOD_S, left_s))
+
+    def _keep_lease(self) -> None:
+        """Acquire the lease before the first step, and keep it.
+
+        Raises:
+            RemoteError: it is lost: another client stopped the robots or took over, or this one stood still.
+        """
+        if not self._begun:
+            self._client.request("acquire", unless_stopped=True)
+            self._begun = True
+            return
+        lease = self._client.status()["lease"]
+        if lease.get("client") != self._client.hello["client"]:
+            why = f"{lease['stopped_by']} stopped the robots" if lease.get("stopped_by") else LOST
+            raise RemoteError(Code.STOPPED, f"{why}; the sequence ends")

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from contid.cli.support.orders import MISSED, UNCONFIRMED
 from contid.client import Client
 from contid.errors import ContidError
 from contid.remote.client.described_robot import DescribedRobot, columns_of
@@ -24,6 +25,12 @@ RATE_HZ: Final = 50.0
 #: Period of the line with the present positions.
 SHOW_PERIOD_S: Final = 0.1
 FIELDS: Final = ("state", "fault", "measured")
+
+
+class MayHavePowerError(ContidError):
+    """A robot that is to be moved by hand may have its full power."""
+
+    exit_code = MISSED
 
 
 class TeachSession:
@@ -77,13 +84,21 @@ class TeachSession:
         """Acquire the lease, then switch the torque off, or lower the current, or keep it.
 
         The lease keeps others from arming a robot that has hands on it.
+
+        Raises:
+            MayHavePowerError: a device did not answer, or a robot has no axis whose current can be lowered.
         """
         self._client.acquire(LEASE_TIMEOUT_S, takeover=takeover)
         if grip is not None:
-            self._client.grip(grip, [each.robot for each in self.robots])
+            limited = self._client.grip(grip, [each.robot for each in self.robots])
+            if refused := limited.get("refused"):
+                raise MayHavePowerError(f"refused: {'; '.join(refused.values())}; keep your hands off")
             self._report(f"effort limited to {grip:.0%}; move the robots by hand")
         elif not keep and self.relaxed:
-            self._client.estop(list(self.relaxed))
+            silent = self._client.estop(list(self.relaxed)).get("silent", {})
+            if devices := ", ".join(f"{name}.{axis}" for name, axes in silent.items() for axis in axes):
+                message = f"{devices} did not answer and may have torque; keep your hands off"
+                raise MayHavePowerError(f"{message}; {UNCONFIRMED}")
             self._report(f"{', '.join(self.relaxed)}: torque is off; move the robots by hand")
 
     def run(self, keyboard: Keyboard, show: Callable[[str], None]) -> None:
