@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
 from contid.kernels import load
+from contid.kinematics.extra_axes import build_whole_model
+from contid.robot_file.load import load_named
 from contid.targets import ZERO3
 from contid_clearance.arm import SPEED_FACTOR, body_speeds
 from contid_clearance.body import Body, sampled_body
@@ -281,7 +284,7 @@ def test_the_distance_of_fingers_changes_no_faster_than_they_move():
 
 @pytest.mark.parametrize("name", ["finger", "trirack2", "tendon3", "stiffflop2"])
 def test_points_of_a_body_come_no_nearer_to_each_other_than_its_bound(name):
-    """Distances of 65 points along the shape of the model, before and after a motion of a tenth of the ranges."""
+    """Distances of 65 points of the shape before and after motions of a tenth of the ranges."""
     robot = next(iter(load_named(name).file.robots.values()))
     model, rng = build_whole_model(robot), np.random.default_rng(4)
     own = len(robot.axis_names)

@@ -202,12 +202,9 @@ def test_a_finger_too_short_to_meet_itself_is_refused_when_it_gets_long_enough_t
     walk = Walk(guard, {name: (tuple(start.tolist()), ZERO3) for name in guard.arms})
     ways = [tuple((start + k / 100 * (folded - start)).tolist()) for k in range(1, 101)]
     refused = [message for way in ways if (message := walk.to({"left": (way, ZERO3)}))]
-    assert refused and "of itself; clearance.margin_mm is 2" in refused[0]
-    assert Dense(guard, "left", folded_at(walk)).own_m(1.2 * np.pi * 8e-3) > 14e-3
-
-
-def folded_at(walk: Walk) -> Actuation:
-    return walk.configuration["left"][0]
+    assert "of itself; clearance.margin_mm is 2" in refused[0]
+    reached, _ = walk.configuration["left"]
+    assert Dense(guard, "left", reached).own_m(1.2 * np.pi * 8e-3) > 14e-3
 
 
 def test_fingers_that_cross_are_refused_where_tips_at_one_point_are_not() -> None:

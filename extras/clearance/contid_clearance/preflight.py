@@ -43,7 +43,9 @@ class ClearancePreflight:
         """
         goals = {name: goal for name, goal in goals.items() if name in self._configs}
         start = self.walk.configuration
-        if self.walk.has_room({name: self._greatest_motion(name, start[name], goals[name]) for name in goals}):
+        if self.walk.has_room(
+            {name: self._greatest_motion(name, start[name], goals[name]) for name in goals}
+        ):
             return self.walk.to(goals)
         motions = {}
         for name, (goal, _) in goals.items():

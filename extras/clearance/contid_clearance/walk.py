@@ -78,7 +78,8 @@ class Walk:
     def copy(self) -> Walk:
         """A walk from the same configuration."""
         other = object.__new__(Walk)
-        other.__dict__.update(self.__dict__ | {"_bounds": dict(self._bounds)})
+        bounds = {"_bounds": dict(self._bounds), "_near_bounds": dict(self._near_bounds)}
+        other.__dict__.update(self.__dict__ | bounds)
         return other
 
     def _add_up_anew(self) -> None:
@@ -91,7 +92,7 @@ class Walk:
         self._left_m = min([x for (one, other), x in left if one != other], default=math.inf)
         self._own_left_m = min([x for (one, other), x in left if one == other], default=math.inf)
 
-    def _moved_with(self, motions: Motions) -> Motions | None:
+    def _moved_with(self, motions: Motions) -> dict[str, Motion] | None:
         """The motions with further ones added; None where a pair may be too near then."""
         moved, way_m, change_m = dict(self._moved), 0.0, 0.0
         for name, before in moved.items():
@@ -114,12 +115,25 @@ class Walk:
         if self._moved_with(motions) is not None:
             return True
         self._settle()
-        sides = ((self._bounds, self._floors), (self._near_bounds, self._near_floors))
         return all(
-            bounds[pair] - _nearer_m(pair, motions) >= floors[pair]
-            for bounds, floors in sides
-            for pair in bounds
+            self._has_room(pair, _nearer_m(pair, motions), floors[pair], sampled)
+            for floors, sampled in ((self._floors, False), (self._near_floors, True))
+            for pair in floors
         )
+
+    def _has_room(self, pair: Pair, nearer_m: float, floor_m: float, sampled: bool) -> bool:
+        """True when a pair may come nearer by a way; it is computed anew where its bound does not show it."""
+        bounds = self._near_bounds if sampled else self._bounds
+        if nearer_m == 0.0 or bounds[pair] - nearer_m >= floor_m:
+            return True
+        here = (
+            self._shapes.sampled(pair)
+            if sampled
+            else self._shapes.nearest(pair, max(floor_m + nearer_m, LOOK_AHEAD_M))
+        )
+        bounds[pair] = max(bounds[pair], here.spare_m)
+        self._add_up_anew()
+        return here.spare_m - nearer_m >= floor_m
 
     def to(self, goal: Configuration) -> str:
         """Move on to a configuration; returns why that comes too near, or "".
@@ -191,13 +205,8 @@ class Walk:
         self._settle()
         times = {0.0: self._shapes}
         for pair in self._guard.pairs:
-            way_m = _nearer_m(pair, motions)
             floor_m = self._floors[pair] - tolerance_m
-            if way_m == 0.0 or self._bounds[pair] - way_m >= floor_m:
-                continue
-            here = self._ahead(times, 0.0, stops).nearest(pair, floor_m + way_m)
-            self._bounds[pair] = max(self._bounds[pair], here.spare_m)
-            if here.spare_m - way_m >= floor_m:
+            if self._has_room(pair, _nearer_m(pair, motions), floor_m, False):
                 continue
             own = {name: stops[name] for name in pair if name in stops}
             found = self._stopping(pair, own, times, stops, floor_m)
@@ -205,9 +214,8 @@ class Walk:
                 self.refused = pair
                 return f"before it can stop, {found}"
         for pair in self._guard.sampled:
-            way_m = _nearer_m(pair, motions)
             floor_m = self._near_floors[pair] - tolerance_m
-            if way_m == 0.0 or self._near_bounds[pair] - way_m >= floor_m:
+            if self._has_room(pair, _nearer_m(pair, motions), floor_m, True):
                 continue
             end_s = max(stops[name].duration_s for name in pair if name in stops)
             near = self._ahead(times, end_s, stops).sampled(pair)
