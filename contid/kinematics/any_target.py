@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import wraps
+from itertools import chain
 from typing import TYPE_CHECKING, Final, TypeVar
 
 from contid.targets import REACH, Actuation, Solution, Target, Vec3
@@ -39,7 +40,12 @@ def any_target(
 
     @wraps(inverse)
     def answer(self: M, target: Target, seed: Actuation) -> Solution:
-        if not _finite(target):
+        tip, mid = target.tip_m, target.mid_m
+        numbers = chain(
+            target.actuation or (), target.arcs or (), tip or (), target.direction or (), mid or (),
+            target.rotation or (), target.load_n,
+        )  # fmt: skip
+        if not all(map(math.isfinite, numbers)):
             return Solution.not_finite(seed, "the target" if target.actuation is None else "a requested axis")
         if target.arcs is not None:
             of_arcs = getattr(self, "of_arcs", None)
@@ -49,10 +55,9 @@ def any_target(
             if not all(map(math.isfinite, actuation)):
                 return Solution(seed, math.inf, False, (REACH,), note="no actuation has these bends")
             target = replace(target, arcs=None, actuation=actuation)
-        tip, mid = target.tip_m, target.mid_m
         if tip is None:
             return inverse(self, target, seed)
-        if _within(tip) and (mid is None or _within(mid)):
+        if max(map(abs, (*tip, *(mid or ())))) <= FAR_M:
             found = inverse(self, target, seed)
             if found.converged or not found.residual_m <= tolerance_of(self):  # NaN included
                 return found
@@ -78,20 +83,7 @@ def tolerance_of(model: object) -> float:
     return tolerance_m
 
 
-def _within(point_m: Vec3) -> bool:
-    x, y, z = point_m
-    return -FAR_M <= x <= FAR_M and -FAR_M <= y <= FAR_M and -FAR_M <= z <= FAR_M
-
-
 def _brought_near(point_m: Vec3) -> Vec3:
     x, y, z = point_m
     most = max(map(abs, point_m))
     return point_m if most <= FAR_M else (x / most * FAR_M, y / most * FAR_M, z / most * FAR_M)
-
-
-def _finite(target: Target) -> bool:
-    asked = (target.actuation, target.arcs, target.tip_m, target.direction, target.mid_m, target.rotation)
-    for numbers in (*asked, target.load_n):
-        if numbers is not None and not all(map(math.isfinite, numbers)):
-            return False
-    return True

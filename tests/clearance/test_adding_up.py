@@ -16,8 +16,8 @@ SIDES = np.array([-1.0, 1.0])
 class Looking(Walk):
     """A walk that adds nothing up."""
 
-    def _moved_with(self, ways_m):
-        super()._moved_with(ways_m)
+    def _moved_with(self, motions):
+        super()._moved_with(motions)
 
 
 @pytest.mark.parametrize("close", [False, True])
@@ -44,7 +44,7 @@ def test_a_walk_refuses_as_one_that_looks_at_every_pair_in_every_step(close: boo
         }
         assert walk.stops(stops) == looking.stops(stops)
         refused += bool(message)
-        added += any(walk._moved_m.values())
+        added += any(each.way_m for each in walk._moved.values())
         if not message:
             moved |= {name: np.array(each[0]) for name, each in goal.items()}
     assert refused > 3 if close else added > 30

@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
 from contid.kernels import load
+from contid.kinematics.extra_axes import build_whole_model
+from contid.robot_file.load import load_named
 from contid.targets import ZERO3
-from contid_clearance.arm import SPEED_FACTOR, body_speed
+from contid_clearance.arm import SPEED_FACTOR, body_speeds
 from contid_clearance.body import Body, sampled_body
 from contid_clearance.distances import between_bodies, to_obstacle
 from contid_clearance.file_clearance import clearance_guard
@@ -279,6 +282,21 @@ def test_the_distance_of_fingers_changes_no_faster_than_they_move():
         before = at[1], found
 
 
+@pytest.mark.parametrize("name", ["finger", "trirack2", "tendon3", "stiffflop2"])
+def test_points_of_a_body_come_no_nearer_to_each_other_than_its_bound(name):
+    """Distances of 65 points of the shape before and after motions of a tenth of the ranges."""
+    robot = next(iter(load_named(name).file.robots.values()))
+    model, rng = build_whole_model(robot), np.random.default_rng(4)
+    own = len(robot.axis_names)
+    speeds, low, high = body_speeds(model, own), np.array(model.lower), np.array(model.upper)
+    for _ in range(40):
+        before, way = rng.uniform(low, high), rng.uniform(-0.1, 0.1, len(low)) * (high - low)
+        after = np.clip(before + way, low, high)
+        a, b = (model.shape(tuple(each.tolist()), 65) for each in (before, after))
+        bound = float(np.dot(speeds.of_distances, np.abs(after - before)))
+        assert np.abs(cdist(a, a) - cdist(b, b)).max() <= bound
+
+
 class Levers:
     """Axis k moves the end of a straight body by ``k + 1`` times its change."""
 
@@ -294,4 +312,5 @@ class Levers:
 def test_the_speed_of_a_body_is_bounded_for_every_number_of_axes(axes):
     """A tendon robot has up to eight sections of up to eight tendons."""
     model: Any = Levers(axes)
-    assert body_speed(model, axes) == pytest.approx([SPEED_FACTOR * (k + 1) for k in range(axes)], rel=1e-6)
+    speeds = body_speeds(model, axes)
+    assert speeds.of_points == pytest.approx([SPEED_FACTOR * (k + 1) for k in range(axes)], rel=1e-6)

@@ -26,15 +26,15 @@ def test_the_greatest_way_of_a_row_is_above_any_way_of_its_motion_and_of_a_stop_
         start = draw.uniform(low, high)
         goal = tuple(np.clip(start + length * draw.uniform(low - high, high - low), low, high).tolist())
         here = tuple(start.tolist())
-        most = preflight._greatest_way_m(config.name, (here, ZERO3), (goal, ZERO3))
+        most = preflight._greatest_motion(config.name, (here, ZERO3), (goal, ZERO3))
         still = (0.0,) * len(here)
         motion = motion_to(config, here, PresentRates(still, still), goal)
-        gone, last = 0.0, here
-        speed = guard.arms[config.name].speed
+        arm, last = guard.arms[config.name], here
+        gone = np.zeros(2)
         for k in range(1, int(motion.duration_s / config.period_s) + 1):
             at, velocity = motion.at(k * config.period_s)
-            gone += guard.arms[config.name].motion_m(last, at)
+            gone += arm.motion([abs(b - a) for a, b in zip(last, at, strict=True)])
             stop = straight_stop(config, at, tuple([v * config.period_s for v in velocity]))
-            assert gone + sum(s * d for s, d in zip(speed, stop.distances, strict=True)) <= most
+            assert np.all(gone + arm.motion(stop.distances) <= most)
             last = at
-        assert guard.arms[config.name].motion_m(here, goal) <= most
+        assert arm.motion_m(here, goal) <= most.way_m

@@ -60,7 +60,7 @@ class DeviceRequests:
         self._robots = robots
         self._ports = ports
         self._sink = sink
-        #: By bus, the requests of its newest job.
+        #: By bus, the requests of its newest job that are not answered.
         self._sent: dict[str, tuple[DeviceRequest, ...]] = dict.fromkeys(ports, ())
         #: By bus, what was sent again after a loss and not answered yet: it may be what ends the bus.
         self._resent: dict[str, set[DeviceRequest]] = {name: set() for name in ports}
@@ -126,8 +126,9 @@ class DeviceRequests:
         return [each.robot for each in asked if isinstance(each.effect.value, Rest)]
 
     def answered(self, bus: str) -> None:
-        """The newest job of a bus was answered."""
+        """The requests of the newest job of a bus were answered."""
         self._resent[bus].difference_update(self._sent[bus])
+        self._sent[bus] = ()
 
     def carried_out(self, bus: str, index: int) -> bool:
         """A bus carried out a request of a robot; True when all of its buses have done so with the newest."""

@@ -179,7 +179,8 @@ class Engine:
         now_s = step / self._rate_hz
         source = selector.source
         live = isinstance(source, Live)
-        with self.costs.watched():
+        self.costs.watch(True)
+        try:
             targets = selector.targets(step, now_s, timing.skipped / self._rate_hz)
             for stage in self._before:
                 try:
@@ -187,6 +188,8 @@ class Engine:
                 except Exception as error:  # an error in a stage must not stop the robots of others
                     self._fail(stage, error, now_s)
             outcomes = self._ticks(targets, now_s, live)
+        finally:
+            self.costs.watch(False)
         for stage in self._after:
             try:
                 stage.after(outcomes, targets, now_s)

@@ -139,7 +139,8 @@ class Exchange:
                     self.requests.of_job(name, reopens=True)
                     port.start(BusJob({}, reopen=True))
                 continue
-            port.start(BusJob(commands[name], self.requests.of_job(name)))
+            requests = self.requests.of_job(name) if self.requests.queued[name] else ()
+            port.start(BusJob(commands[name], requests))
             before_s, at_s = at_s, now()
             buses_s[name] = at_s - before_s
         # 2. The replies, by one deadline for all buses; in a late tick they get a share of the period, too.
@@ -183,7 +184,8 @@ class Exchange:
         if port.lost:
             port.lost = ""
             self._sink.event(BusChanged(bus=name, message=f"{name} is back; clear-fault, then resume"))
-        self.requests.answered(name)
+        if answer.done or answer.refused:
+            self.requests.answered(name)
         assert answer.samples is not None
         self._keep(port, answer.samples)
         for index, effect in answer.done:

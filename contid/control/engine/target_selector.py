@@ -90,8 +90,12 @@ class TargetSelector:
 
     def rows(self, targets: Mapping[str, Target | None], now_s: float, skipped_s: float) -> None:
         """A row of a live stream arrived; times as of `targets`."""
-        with self._robots.costs.watched():
+        watch = self._robots.costs.watch
+        watch(True)
+        try:
             self._live().put(targets, now_s, skipped_s, self._robots.states, self._robots.ask)
+        finally:
+            watch(False)
         self._note(targets, now_s)
 
     def end_of_rows(self) -> None:

@@ -34,7 +34,7 @@ class TickCosts:
         waited_s: time spent waiting for workers, up to their deadline.
         running: index of the robot whose tick runs, -1 for none.
         begun: ticks of robots begun so far.
-        watch: called before and after what may ask models, with True and False.
+        watch: called with True before what may ask models, with False after it; one part may be in another.
         robot_at_work: one number that other processes see: of the robot that computes or did last, from 1 on,
             and 0 after the ticks of all robots.
     """
@@ -48,21 +48,15 @@ class TickCosts:
         self.begun = 0
         self.watch: Callable[[bool], None] = lambda begins: None
         self.robot_at_work: memoryview[int] | list[int] = [0]
-        self._watched = False
 
     @contextmanager
     def watched(self) -> Iterator[None]:
-        """Where models are asked: one that takes too long is interrupted. Inside another one: nothing."""
-        if self._watched:
-            yield
-            return
-        self._watched = True
+        """Where models are asked: one that takes too long is interrupted."""
         self.watch(True)
         try:
             yield
         finally:
             self.watch(False)
-            self._watched = False
 
     def begin(self, index: int) -> None:
         """The tick of a robot begins."""

@@ -60,6 +60,7 @@ class TickAlarm:
         self._processor_wait = processor_wait
         self._longest_s = max(LONGEST_S, LONGEST_PERIODS / rate_hz)
         self._interval_s = self._longest_s / ALARMS
+        self._watched = 0  # parts that ask models and have begun: one may be inside another
         # At the last alarm: which tick ran, the time, the waits so far, and what was counted of that tick.
         self._begun = -1
         self._alarm_s = self._waited_s = self._counted_s = 0.0
@@ -73,6 +74,9 @@ class TickAlarm:
 
     def _set_timer(self, begins: bool) -> None:
         """Start or stop the timer: it would also end a sleep or a system call of a bus in the same thread."""
+        self._watched += 1 if begins else -1
+        if self._watched > (1 if begins else 0):
+            return
         interval_s = self._interval_s if begins else 0.0
         self._worked_s = time.thread_time()
         signal.setitimer(signal.ITIMER_REAL, interval_s, interval_s)

@@ -234,7 +234,7 @@ def _squeezed(
 
 
 def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target, live: bool) -> TickResult:
-    """RUN: solve the model for the target, then limit."""
+    """RUN: solve the model for the target, then limit; on a live stream the jerk of the axes as well."""
     in_base = config.frame.target_in_base(target)
     if config.feedback is not None:
         in_base = corrected(state.correction, in_base)
@@ -243,7 +243,12 @@ def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target
     if not all(map(math.isfinite, solution.actuation)):
         message = f"the model answered {solution.actuation} to {in_base}"
         return _move(config, fail(config, state, Fault.NOT_A_NUMBER, message, now_s), now_s)
-    result = (_guarded if live else _limited)(config, state, solution.actuation, in_base)
+    goal, guard = solution.actuation, None
+    if live:
+        if config.taut is not None and config.motion_rules > 0 and in_base.actuation is None:
+            goal = lifted(config.taut, config.lift_n, goal)
+        guard = guarded(config, state, goal)
+    result = _limited(config, state, goal if guard is None else guard.command, in_base, guard, goal)
     command = result.state.command
     tip = config.model.forward(command, in_base.load_n).tip_m
     target_tip = in_base.tip_m
@@ -292,15 +297,6 @@ def _arrived(config: RobotConfig, state: RobotState, now_s: float) -> RobotState
     if state.goto is None:
         return apply_event(config, state, Event.ARRIVED, now_s)
     return replace(apply_event(config, state, Event.HOLD, now_s), goto=None, recovering=False)
-
-
-def _guarded(config: RobotConfig, state: RobotState, answer: Actuation, target_in_base: Target) -> TickResult:
-    """As `_limited` for an answer to a live target, with the jerk of the axes limited as well."""
-    by_pulls = target_in_base.actuation is not None
-    if config.taut is not None and config.motion_rules > 0 and not by_pulls:
-        answer = lifted(config.taut, config.lift_n, answer)
-    guard = guarded(config, state, answer)
-    return _limited(config, state, guard.command, target_in_base, guard, answer)
 
 
 def _limited(

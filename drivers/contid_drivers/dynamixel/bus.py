@@ -80,9 +80,8 @@ class DynamixelBus:
             found = cyclic.run(goals, full, None, before_goals, self._take_answer)
             if len(found) < len(self._by_id):
                 self._retry(cyclic, found.keys(), full)
-            else:
-                if not cyclic.fast and self.options.fast_read != "off":
-                    self._try_fast_again(cyclic)
+            elif not cyclic.fast and self._clean < FAST_AGAIN and self.options.fast_read != "off":
+                self._try_fast_again(cyclic)
             client.fed_s = time.monotonic()
             for device, doubtful in self._doubtful.items():
                 self._check_turn(client, device, doubtful)
@@ -112,10 +111,11 @@ class DynamixelBus:
         """
         axis, now = self._by_id[device], self._clock.now()
         shows_reset = reading.voltage_low is not None or axis.watchdog_units or axis.turn in _RESET_KNOWN
-        if readings.may_be_after_reset(axis, reading, now):
+        angle = axis.to_rad(reading.position)
+        if readings.may_be_after_reset(axis, reading, angle, now):
             self._doubtful[device] = reading
         elif shows_reset or not self._link.indirect:
-            readings.take(axis, reading, now)
+            readings.take(axis, reading, angle, now)
             self._taken[device] = reading
 
     def _check_turn(self, client: ServoClient, device: int, reading: ServoReading) -> None:
@@ -126,27 +126,24 @@ class DynamixelBus:
                 axis.latch_reset()
         except ServoError:
             return
-        readings.take(axis, reading, self._clock.now())
+        readings.take(axis, reading, axis.to_rad(reading.position), self._clock.now())
         self._taken[device] = reading
 
     def _note_missing(self, opened: Opened) -> None:
         """Read servos that missed several exchanges last, discard late answers, log the first late one."""
         cyclic = opened.cyclic
         self._stalls = self._stalls + 1 if cyclic.answers.stalled else 0
-        if self._stalls >= STALLS_LOGGED:
+        if self._stalls >= STALLS_LOGGED and not self._late_logged:
             self._log_late(cyclic, "and every exchange waits for them")
         missing = [axis for axis in self._states.values() if axis.misses]
-        if not missing and not cyclic.silent and not cyclic.answers.counts.late:
-            return
-        opened.client.expect_late(axis.device for axis in missing)
-        cyclic.put_last([axis.device for axis in missing if axis.dead])
-        if cyclic.answers.counts.late:
+        if missing or cyclic.silent:
+            opened.client.expect_late(axis.device for axis in missing)
+            cyclic.put_last([axis.device for axis in missing if axis.dead])
+        if cyclic.answers.counts.late and not self._late_logged:
             self._log_late(cyclic, "and are discarded")
 
     def _log_late(self, cyclic: Cyclic, then: str) -> None:
-        """Log once that the adapter is late."""
-        if self._late_logged:
-            return
+        """Log that the adapter is late, which is said once."""
         self._late_logged = True
         log.warning(
             "%s: answers come after their time-out of %.1f ms %s; set the adapter's "

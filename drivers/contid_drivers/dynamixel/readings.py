@@ -23,15 +23,15 @@ UNREAD_ALERT: Final = "hardware error: alert, cause not read yet"
 _JUMP: Final = "another program reset its count of turns, or its encoder is faulty"
 
 
-def may_be_after_reset(axis: Axis, reading: ServoReading, time_s: float) -> bool:
-    """Whether nothing in a reading excludes a reset since the one before.
+def may_be_after_reset(axis: Axis, reading: ServoReading, angle: float, time_s: float) -> bool:
+    """Whether nothing in a reading, with its angle [rad], excludes a reset since the one before.
 
     A reset clears the mapping and the watchdog, which `take` and `detect_reported` see, and sets the time of
     the servo to 0; a reset that happens to fit that time missed exchanges. A long way may be whole turns.
     """
     if axis.turn is not Turn.IN_SERVO:
         return False
-    if axis.seen is not None and abs(axis.to_rad(reading.position) - axis.seen) > FAR_RAD:
+    if axis.seen is not None and abs(angle - axis.seen) > FAR_RAD:
         return reading.voltage_low != 0
     if axis.watchdog_units or reading.voltage_low is not None:
         return False
@@ -42,25 +42,25 @@ def may_be_after_reset(axis: Axis, reading: ServoReading, time_s: float) -> bool
     return abs(late_ms) > TICK_SLACK_MS + TICK_SLACK * elapsed_ms
 
 
-def take(axis: Axis, reading: ServoReading, time_s: float) -> None:
-    """Store an answer that arrived at ``time_s``, and detect faults."""
+def take(axis: Axis, reading: ServoReading, angle: float, time_s: float) -> None:
+    """Store an answer with its angle [rad] that arrived at ``time_s``, and detect faults."""
     if reading.voltage_low == 0 or reading.voltage == 0:
         # A servo that reset has lost its indirect mapping: nothing in this block is valid.
         axis.latch_reset()
     axis.misses = 0
     if axis.turn is not Turn.LOST:
         detect_reported(axis, reading)
-    value, known = axis.to_rad(reading.position), axis.turn in KNOWN_TURNS
-    if known and axis.seen is not None and has_jumped(value - axis.seen, time_s - axis.time_s):
+    known = axis.turn in KNOWN_TURNS
+    if known and axis.seen is not None and has_jumped(angle - axis.seen, time_s - axis.time_s):
         axis.latch_reset(
-            f"its position jumped by {math.degrees(value - axis.seen):+.0f} deg in "
+            f"its position jumped by {math.degrees(angle - axis.seen):+.0f} deg in "
             f"{1e3 * (time_s - axis.time_s):.0f} ms; {_JUMP}"
         )
     if axis.turn is Turn.LOST:
         return
-    axis.value = value
+    axis.value = angle
     if known:
-        axis.seen = value
+        axis.seen = angle
     axis.time_s, axis.tick = time_s, reading.tick
     axis.velocity = reading.velocity * reg.RAD_S_PER_UNIT
     unit_ma = axis.model.ma_per_unit
@@ -70,7 +70,7 @@ def take(axis: Axis, reading: ServoReading, time_s: float) -> None:
     if reading.temperature is not None:
         axis.temperature_c = float(reading.temperature)
     if axis.state is TorqueState.ENABLED:
-        _detect_standstill(axis, value, axis.velocity)
+        _detect_standstill(axis, angle, axis.velocity)
         if axis.tendon.winding and axis.effort is not None:
             _detect_slack(axis, axis.effort, axis.velocity)
 

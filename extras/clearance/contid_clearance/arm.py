@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from operator import mul
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from contid.kinematics.array import Array, polyline_length
 from contid.kinematics.frames import BaseFrame, in_world
 from contid.kinematics.model import Model
 from contid.targets import Actuation, Vec3
@@ -71,6 +74,35 @@ class ArmParts:
         return self._backbone.part(self._cut_m, self._length_m)
 
 
+class BodySpeeds(NamedTuple):
+    """How fast a body moves and changes its form at most, per change of each axis; 0 for extra axes.
+
+    Attributes:
+        of_points: motion of a point of the body [m/m or m/Pa].
+        of_distances: change of the distance between two points of the body, and of its length. A body that
+            turns as a whole moves and keeps them.
+    """
+
+    of_points: tuple[float, ...]
+    of_distances: tuple[float, ...]
+
+
+class Motion(NamedTuple):
+    """Bounds of a motion of a robot.
+
+    Attributes:
+        way_m: of the way of every point of its body [m].
+        change_m: of the change of the distance of any two of them, and of its length [m].
+    """
+
+    way_m: float
+    change_m: float
+
+
+#: A robot that stands.
+NO_MOTION: Final = Motion(0.0, 0.0)
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Arm:
     """A robot whose body is checked.
@@ -83,7 +115,7 @@ class Arm:
         from_m: where the body begins [m].
         tip_free_m: length at the tip that may touch the tips of other robots [m].
         tip_radius_m: radius of that length against those tips [m].
-        speed: greatest motion of a point of the body per change of each axis [m/m or m/Pa].
+        speeds: per change of each axis [m/m or m/Pa].
     """
 
     name: str
@@ -93,7 +125,7 @@ class Arm:
     from_m: float
     tip_free_m: float
     tip_radius_m: float
-    speed: tuple[float, ...]
+    speeds: BodySpeeds
 
     def parts(self, actuation: Actuation, load_n: Vec3) -> ArmParts:
         """The body and its parts in the world, under a known force on the tip in the world."""
@@ -106,17 +138,22 @@ class Arm:
 
     def motion_m(self, before: Actuation, after: Actuation) -> float:
         """Bound of the motion of every point of the body between two actuations [m]."""
-        return sum([k * abs(b - a) for k, a, b in zip(self.speed, before, after, strict=True)])
+        return sum([k * abs(b - a) for k, a, b in zip(self.speeds.of_points, before, after, strict=True)])
+
+    def motion(self, ways: Sequence[float]) -> Motion:
+        """Bounds of what changes while the axes go ways of these lengths [m or Pa]."""
+        of_points, of_distances = self.speeds
+        return Motion(sum(map(mul, of_points, ways)), sum(map(mul, of_distances, ways)))
 
 
-def body_speed(model: Model, own_axes: int) -> tuple[float, ...]:
-    """Greatest motion of a point of the body per change of each axis, 0 for extra axes.
+def body_speeds(model: Model, own_axes: int) -> BodySpeeds:
+    """How fast a body moves and changes its form at most.
 
     Differences at `SPEED_SAMPLES` actuations, times `SPEED_FACTOR`: an estimate, not a proof.
     """
     low, high = np.array(model.lower[:own_axes]), np.array(model.upper[:own_axes])
     rest = model.lower[own_axes:]
-    greatest = np.zeros(own_axes)
+    greatest = np.zeros((2, own_axes))
     bases = primes(own_axes)
     for k in range(1, SPEED_SAMPLES + 1):
         part = np.array([radical_inverse(k, base) for base in bases])
@@ -127,5 +164,14 @@ def body_speed(model: Model, own_axes: int) -> tuple[float, ...]:
             moved[axis] += _STEP * (high - low)[axis]
             moved_points = model.shape((*moved.tolist(), *rest), _POINTS)
             motion = float(np.max(np.linalg.norm(moved_points - points, axis=1)))
-            greatest[axis] = max(greatest[axis], motion / (_STEP * float((high - low)[axis])))
-    return (*(SPEED_FACTOR * greatest).tolist(), *(0.0 for _ in rest))
+            change = float(np.max(np.abs(_distances(moved_points) - _distances(points))))
+            longer = abs(polyline_length(moved_points) - polyline_length(points))
+            step = _STEP * float((high - low)[axis])
+            greatest[:, axis] = np.maximum(greatest[:, axis], (motion / step, (change + longer) / step))
+    extra = (0.0,) * len(rest)
+    return BodySpeeds(*((*each, *extra) for each in (SPEED_FACTOR * greatest).tolist()))
+
+
+def _distances(points: Array) -> Array:
+    """Distances of all points from each other, shape ``(points, points)`` [m]."""
+    return np.asarray(np.linalg.norm(points[:, None] - points, axis=2))

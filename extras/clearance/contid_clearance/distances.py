@@ -65,11 +65,12 @@ def to_obstacle(body: Body, obstacle: Obstacle, enough_m: float = math.inf) -> D
     return Distance(found.lower - radius_m - off_m, found.upper - radius_m + off_m, at_m)
 
 
-def to_itself(body: Body, margin_m: float, enough_m: float = math.inf) -> Distance | None:
-    """Distance between surfaces of a body that are far enough apart along it [m]; None for a short body.
+def to_itself(body: Body, margin_m: float, enough_m: float = math.inf) -> Distance:
+    """Distance between surfaces of a body that are far enough apart along it [m].
 
     Neighbours along the body always touch. Two points count when the way between them is longer than a half
-    turn of the body about itself, at the margin; a bend no narrower than that keeps such points apart.
+    turn of the body about itself, at the margin; a bend no narrower than that keeps such points apart. A
+    body without such points keeps the margin, and what it has to get longer for some.
 
     Args:
         body: the body.
@@ -77,8 +78,9 @@ def to_itself(body: Body, margin_m: float, enough_m: float = math.inf) -> Distan
         enough_m: stop halving as soon as the distance is certainly at least this.
     """
     gap_m = SELF_TURNS * math.pi * (body.radius_m + 0.5 * margin_m)
-    if body.pieces * body.spacing_m <= gap_m:
-        return None
+    too_short_m = gap_m - body.pieces * body.spacing_m
+    if too_short_m >= 0.0:
+        return Distance(margin_m + too_short_m, math.inf, 0.0)
     fine = body.divided(gap_m / _SELF_PIECES)
     gap = math.floor(gap_m / fine.spacing_m)
     wide_m = 2.0 * (fine.radius_m + fine.off_m)

@@ -21,7 +21,7 @@ from contid.robot_file.clearance import Clearance, ObstacleDescription
 from contid.robot_file.document import RobotFile
 from contid.targets import ZERO3, Actuation, Vec3
 from contid.units import MM_PER_M, m_to_mm
-from contid_clearance.arm import Arm, ArmParts, body_speed
+from contid_clearance.arm import Arm, ArmParts, body_speeds
 from contid_clearance.body import Body
 from contid_clearance.crossing import crossed_m
 from contid_clearance.distances import Distance, between_bodies, to_itself, to_obstacle
@@ -90,6 +90,8 @@ class ClearanceGuard:
         rest: actuation of every robot at its rest pose, extra axes at their lower limits.
         parts_of: computes the parts of the body of a robot for its actuation and the known force on its tip
             [N]; the control loop replaces it by what makes an error one of that robot.
+        checks_short_bodies: a body too short to meet itself is looked at again as it gets longer; False for
+            recordings of motion rules below 10, where it never was.
     """
 
     def __init__(self, file: RobotFile, clearance: Clearance) -> None:
@@ -110,6 +112,7 @@ class ClearanceGuard:
             for name, arm in self.arms.items()
         }
         self.parts_of: Callable[[str, Actuation, Vec3], ArmParts] = self._parts_of
+        self.checks_short_bodies = True
 
     def _parts_of(self, name: str, actuation: Actuation, load_n: Vec3) -> ArmParts:
         return self.arms[name].parts(actuation, load_n)
@@ -162,7 +165,9 @@ class Shapes:
         parts, others = self._of(robot), self._of(other)
         if robot == other:
             itself = to_itself(parts.whole, margin_m, enough_m)
-            return Nearest(robot, other, itself or Distance(np.inf, np.inf, 0.0), margin_m)
+            if itself.upper_m == np.inf and not self._guard.checks_short_bodies:
+                itself = Distance(np.inf, np.inf, 0.0)
+            return Nearest(robot, other, itself, margin_m)
         free = [self._guard.arms[name].tip_free_m > 0.0 for name in pair]
         found = []
         if free[0]:
@@ -209,7 +214,7 @@ def _arm(file: RobotFile, clearance: Clearance, name: str) -> Arm:
         from_m=body.from_mm / MM_PER_M,
         tip_free_m=body.tip_free_mm / MM_PER_M,
         tip_radius_m=(body.radius_mm if body.tip_radius_mm is None else body.tip_radius_mm) / MM_PER_M,
-        speed=body_speed(model, len(robot.axis_names)),
+        speeds=body_speeds(model, len(robot.axis_names)),
     )
 
 

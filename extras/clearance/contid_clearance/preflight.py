@@ -10,6 +10,7 @@ from contid.control.tick.axis_motions import PresentRates, motion_to, straight_s
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.preflight.kept_apart import Configuration
 from contid.targets import ZERO3, Actuation, Vec3
+from contid_clearance.arm import Motion
 from contid_clearance.guard import ClearanceGuard
 from contid_clearance.walk import Walk
 
@@ -42,7 +43,9 @@ class ClearancePreflight:
         """
         goals = {name: goal for name, goal in goals.items() if name in self._configs}
         start = self.walk.configuration
-        if self.walk.has_room({name: self._greatest_way_m(name, start[name], goals[name]) for name in goals}):
+        if self.walk.has_room(
+            {name: self._greatest_motion(name, start[name], goals[name]) for name in goals}
+        ):
             return self.walk.to(goals)
         motions = {}
         for name, (goal, _) in goals.items():
@@ -65,23 +68,23 @@ class ClearancePreflight:
                 return message
         return ""
 
-    def _greatest_way_m(
+    def _greatest_motion(
         self, name: str, start: tuple[Actuation, Vec3], goal: tuple[Actuation, Vec3]
-    ) -> float:
-        """At least as long as any point of a robot goes from rest to a goal, and in a stop begun on its way.
+    ) -> Motion:
+        """At least the motion of a robot from rest to a goal, and in a stop begun on its way.
 
         Infinite with another force, which is a step.
 
         On a way d the speed of an axis is at most sqrt(a d). In a stop from there it goes half its speed
         times the duration, which is that of the axis with the longest stop: sqrt(d / a) at most.
         """
-        config, speeds = self._configs[name], self._guard.arms[name].speed
         if start[1] != goal[1]:
-            return math.inf
+            return Motion(math.inf, math.inf)
+        config = self._configs[name]
         ways = [abs(b - a) for a, b in zip(start[0], goal[0], strict=True)]
         stop_s = max([math.sqrt(d / a) for d, a in zip(ways, config.acceleration, strict=True)])
         stops = [0.5 * math.sqrt(d * a) * stop_s for d, a in zip(ways, config.acceleration, strict=True)]
-        return sum([k * (way + stop) for k, way, stop in zip(speeds, ways, stops, strict=True)])
+        return self._guard.arms[name].motion([way + stop for way, stop in zip(ways, stops, strict=True)])
 
     def to(self, reached: Configuration, steps: Mapping[str, Actuation]) -> str:
         """Move on to a configuration; ``steps``: displacements per tick there [m or Pa], by robot.

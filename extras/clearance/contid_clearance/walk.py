@@ -1,7 +1,8 @@
 """A motion checked from configuration to configuration, without gaps between them.
 
 No point of a body moves further between two configurations than its speed bound allows. A pair that was d
-apart is therefore at least d - motion apart, and is not computed again before that falls below the margin.
+apart is therefore at least d - motion apart, and is not computed again before that falls below the margin. Of
+a body and itself the motion is that of its points towards each other (`contid_clearance.arm.BodySpeeds`).
 Between two computed configurations, d1 and d2 apart with a motion m between them, the distance is at least
 (d1 + d2 - m)/2; where that is not enough, the motion is halved, down to `RESOLUTION_M`.
 
@@ -18,11 +19,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import Final, TypeAlias
 
 from contid.control.tick.preflight.kept_apart import Configuration
 from contid.targets import Actuation, Vec3, vec3
 from contid.trajectory.straight_stop import StraightStop
+from contid_clearance.arm import NO_MOTION, Motion
 from contid_clearance.guard import LOOK_AHEAD_M, ClearanceGuard, Nearest, Pair, Shapes
 
 #: A motion shorter than twice this is not halved; in it a pair may be this much nearer than the margin [m].
@@ -32,6 +34,9 @@ RESOLUTION_M: Final = 5e-5
 MAX_HALVINGS: Final = 32
 #: Pairs that are sampled are computed at points of a motion that are at most this far apart by the bound [m].
 SAMPLED_M: Final = 1e-2
+
+#: By robot.
+Motions: TypeAlias = Mapping[str, Motion]
 
 
 class Walk:
@@ -73,49 +78,62 @@ class Walk:
     def copy(self) -> Walk:
         """A walk from the same configuration."""
         other = object.__new__(Walk)
-        other.__dict__.update(self.__dict__ | {"_bounds": dict(self._bounds)})
+        bounds = {"_bounds": dict(self._bounds), "_near_bounds": dict(self._near_bounds)}
+        other.__dict__.update(self.__dict__ | bounds)
         return other
 
     def _add_up_anew(self) -> None:
-        #: Motion of each robot that is not taken off the bounds yet [m].
-        self._moved_m = dict.fromkeys(self._guard.arms, 0.0)
+        #: Motion of each robot that is not taken off the bounds yet.
+        self._moved = dict.fromkeys(self._guard.arms, NO_MOTION)
         sides = ((self._bounds, self._floors), (self._near_bounds, self._near_floors))
-        #: What the pair with the least to spare has left above its floor by its bound [m].
-        self._left_m = min(
-            [x - floors[pair] for all_, floors in sides for pair, x in all_.items()], default=math.inf
-        )
+        left = [(pair, x - floors[pair]) for all_, floors in sides for pair, x in all_.items()]
+        #: What the pair of two with the least to spare has left above its floor by its bound [m], and what
+        #: the body that is nearest to itself has.
+        self._left_m = min([x for (one, other), x in left if one != other], default=math.inf)
+        self._own_left_m = min([x for (one, other), x in left if one == other], default=math.inf)
 
-    def _moved_with(self, ways_m: Mapping[str, float]) -> dict[str, float] | None:
-        """The motions with further ones of at most these lengths; None where a pair may be too near then."""
-        moved_m = dict(self._moved_m)
-        for name, way_m in ways_m.items():
-            moved_m[name] += way_m
-        return moved_m if 2.0 * max(moved_m.values(), default=0.0) <= self._left_m else None
+    def _moved_with(self, motions: Motions) -> dict[str, Motion] | None:
+        """The motions with further ones added; None where a pair may be too near then."""
+        moved, way_m, change_m = dict(self._moved), 0.0, 0.0
+        for name, before in moved.items():
+            if (more := motions.get(name)) is not None:
+                before = moved[name] = Motion(before.way_m + more.way_m, before.change_m + more.change_m)
+            way_m, change_m = max(way_m, before.way_m), max(change_m, before.change_m)
+        return moved if 2.0 * way_m <= self._left_m and change_m <= self._own_left_m else None
 
     def _settle(self) -> None:
         """Take the motions that were added up off the bounds."""
-        moved_m = self._moved_m
-        if any(moved_m.values()):
+        if any(map(any, self._moved.values())):
             self._bounds, self._near_bounds = (
-                {
-                    pair: bound - sum([moved_m.get(name, 0.0) for name in pair])
-                    for pair, bound in bounds.items()
-                }
+                {pair: bound - _nearer_m(pair, self._moved) for pair, bound in bounds.items()}
                 for bounds in (self._bounds, self._near_bounds)
             )
             self._add_up_anew()
 
-    def has_room(self, ways_m: Mapping[str, float]) -> bool:
-        """True when no pair can come too near by motions of at most these lengths, by robot [m]."""
-        if self._moved_with(ways_m) is not None:
+    def has_room(self, motions: Motions) -> bool:
+        """True when no pair can come too near by motions of at most these lengths, by robot."""
+        if self._moved_with(motions) is not None:
             return True
         self._settle()
-        sides = ((self._bounds, self._floors), (self._near_bounds, self._near_floors))
         return all(
-            bounds[pair] - ways_m.get(pair[0], 0.0) - ways_m.get(pair[1], 0.0) >= floors[pair]
-            for bounds, floors in sides
-            for pair in bounds
+            self._has_room(pair, _nearer_m(pair, motions), floors[pair], sampled)
+            for floors, sampled in ((self._floors, False), (self._near_floors, True))
+            for pair in floors
         )
+
+    def _has_room(self, pair: Pair, nearer_m: float, floor_m: float, sampled: bool) -> bool:
+        """True when a pair may come nearer by a way; it is computed anew where its bound does not show it."""
+        bounds = self._near_bounds if sampled else self._bounds
+        if nearer_m == 0.0 or bounds[pair] - nearer_m >= floor_m:
+            return True
+        here = (
+            self._shapes.sampled(pair)
+            if sampled
+            else self._shapes.nearest(pair, max(floor_m + nearer_m, LOOK_AHEAD_M))
+        )
+        bounds[pair] = max(bounds[pair], here.spare_m)
+        self._add_up_anew()
+        return here.spare_m - nearer_m >= floor_m
 
     def to(self, goal: Configuration) -> str:
         """Move on to a configuration; returns why that comes too near, or "".
@@ -124,26 +142,26 @@ class Walk:
         """
         goal = {name: each for name, each in goal.items() if name in self._guard.arms}
         after = {**self._now, **goal}
-        motion = {name: self._motion(name, self._now[name], each) for name, each in goal.items()}
-        moved_m = self._moved_with(motion)
-        if moved_m is not None or not any(motion.values()):
+        motions = {name: self._motion(name, self._now[name], each) for name, each in goal.items()}
+        moved = self._moved_with(motions)
+        if moved is not None or not any(map(any, motions.values())):
             self._now, self._shapes = after, Shapes(self._guard, after)
-            self._moved_m = self._moved_m if moved_m is None else moved_m
+            self._moved = self._moved if moved is None else moved
             return ""
         self._settle()
         bounds: dict[tuple[str, str], float] = {}
         begin, end = self._shapes, Shapes(self._guard, after)
         for pair in self._guard.pairs:
-            moved = sum(motion.get(name, 0.0) for name in pair)
-            bounds[pair] = self._bounds[pair] - moved
-            if moved == 0.0 or bounds[pair] >= self._floors[pair]:
+            nearer_m = _nearer_m(pair, motions)
+            bounds[pair] = self._bounds[pair] - nearer_m
+            if nearer_m == 0.0 or bounds[pair] >= self._floors[pair]:
                 continue
-            found = self._between(pair, self._now, begin, after, end, moved)
+            found = self._between(pair, self._now, begin, after, end, nearer_m)
             if found.spare_m < self._floors[pair] - RESOLUTION_M:
                 self.refused = pair
                 return str(found)
             bounds[pair] = found.spare_m
-        near, found_near = self._sampled(after, end, motion)
+        near, found_near = self._sampled(after, end, motions)
         if found_near is not None:
             self.refused = found_near.robot, found_near.other
             return str(found_near)
@@ -154,17 +172,18 @@ class Walk:
         return ""
 
     def _sampled(
-        self, after: Configuration, end: Shapes, motion: Mapping[str, float]
+        self, after: Configuration, end: Shapes, motions: Motions
     ) -> tuple[dict[Pair, float], Nearest | None]:
         """New bounds of the pairs that are sampled, and the one that comes too near."""
         bounds: dict[Pair, float] = {}
         for pair in self._guard.sampled:
-            moved = sum(motion.get(name, 0.0) for name in pair)
-            bounds[pair] = self._near_bounds[pair] - moved
-            if moved == 0.0 or bounds[pair] >= self._near_floors[pair]:
+            nearer_m = _nearer_m(pair, motions)
+            bounds[pair] = self._near_bounds[pair] - nearer_m
+            if nearer_m == 0.0 or bounds[pair] >= self._near_floors[pair]:
                 continue
             # A crossing stays until the tips are drawn back: between near points none is missed.
-            parts = max(math.ceil(moved / SAMPLED_M), 1)
+            way_m = sum([motions.get(name, NO_MOTION).way_m for name in pair])
+            parts = max(math.ceil(way_m / SAMPLED_M), 1)
             for k in range(1, parts + 1):
                 shapes = end if k == parts else Shapes(self._guard, _between(self._now, after, k / parts))
                 found = shapes.sampled(pair)
@@ -180,22 +199,14 @@ class Walk:
             stops: the stop of every robot in motion.
             tolerance_m: a pair may be this much nearer than it must otherwise be.
         """
-        stop_ways_m = {
-            name: sum([k * d for k, d in zip(self._guard.arms[name].speed, stop.distances, strict=True)])
-            for name, stop in stops.items()
-        }
-        if self._moved_with(stop_ways_m) is not None:
+        motions = {name: self._guard.arms[name].motion(stop.distances) for name, stop in stops.items()}
+        if self._moved_with(motions) is not None:
             return ""
         self._settle()
         times = {0.0: self._shapes}
         for pair in self._guard.pairs:
-            way_m = sum(stop_ways_m.get(name, 0.0) for name in pair)
             floor_m = self._floors[pair] - tolerance_m
-            if way_m == 0.0 or self._bounds[pair] - way_m >= floor_m:
-                continue
-            here = self._ahead(times, 0.0, stops).nearest(pair, floor_m + way_m)
-            self._bounds[pair] = max(self._bounds[pair], here.spare_m)
-            if here.spare_m - way_m >= floor_m:
+            if self._has_room(pair, _nearer_m(pair, motions), floor_m, False):
                 continue
             own = {name: stops[name] for name in pair if name in stops}
             found = self._stopping(pair, own, times, stops, floor_m)
@@ -203,9 +214,8 @@ class Walk:
                 self.refused = pair
                 return f"before it can stop, {found}"
         for pair in self._guard.sampled:
-            way_m = sum(stop_ways_m.get(name, 0.0) for name in pair)
             floor_m = self._near_floors[pair] - tolerance_m
-            if way_m == 0.0 or self._near_bounds[pair] - way_m >= floor_m:
+            if self._has_room(pair, _nearer_m(pair, motions), floor_m, True):
                 continue
             end_s = max(stops[name].duration_s for name in pair if name in stops)
             near = self._ahead(times, end_s, stops).sampled(pair)
@@ -265,21 +275,21 @@ class Walk:
         begin: Shapes,
         after: Configuration,
         end: Shapes,
-        moved: float,
+        nearer_m: float,
     ) -> Nearest:
         """The distance at ``after``, or where on the way there the pair is too near."""
         floor = self._floors[pair]
         last = self._nearest(end, pair)
-        if last.spare_m < floor or moved <= 2.0 * RESOLUTION_M:
+        if last.spare_m < floor or nearer_m <= 2.0 * RESOLUTION_M:
             return last
         first = self._nearest(begin, pair)
-        if 0.5 * (first.spare_m + last.spare_m - moved) >= floor - RESOLUTION_M:
+        if 0.5 * (first.spare_m + last.spare_m - nearer_m) >= floor - RESOLUTION_M:
             return last
         middle = _between(before, after, 0.5)
         between = Shapes(self._guard, middle)
         arms = [name for name in pair if name in self._guard.arms]
-        first_half = sum(self._motion(name, before[name], middle[name]) for name in arms)
-        second_half = sum(self._motion(name, middle[name], after[name]) for name in arms)
+        first_half = sum(self._motion(name, before[name], middle[name]).way_m for name in arms)
+        second_half = sum(self._motion(name, middle[name], after[name]).way_m for name in arms)
         found = self._between(pair, before, begin, middle, between, first_half)
         if found.spare_m < floor - RESOLUTION_M:
             return found
@@ -288,10 +298,18 @@ class Walk:
     def _nearest(self, shapes: Shapes, pair: tuple[str, str]) -> Nearest:
         return shapes.nearest(pair, LOOK_AHEAD_M)
 
-    def _motion(self, name: str, before: tuple[Actuation, Vec3], after: tuple[Actuation, Vec3]) -> float:
+    def _motion(self, name: str, before: tuple[Actuation, Vec3], after: tuple[Actuation, Vec3]) -> Motion:
+        motion = self._guard.arms[name].motion([abs(b - a) for a, b in zip(before[0], after[0], strict=True)])
+        if before[1] == after[1]:
+            return motion
         # A change of the known load (``[1]``) is a step of the target: only its end is computed.
-        changed = 2.0 * RESOLUTION_M if before[1] != after[1] else 0.0
-        return max(self._guard.arms[name].motion_m(before[0], after[0]), changed)
+        return Motion(*(max(each, 2.0 * RESOLUTION_M) for each in motion))
+
+
+def _nearer_m(pair: Pair, motions: Motions) -> float:
+    """How much nearer a pair comes at most by the motions of robots [m]."""
+    one, other = (motions.get(name, NO_MOTION) for name in pair)
+    return one.change_m if pair[0] == pair[1] else one.way_m + other.way_m
 
 
 def _between(before: Configuration, after: Configuration, share: float) -> Configuration:

@@ -52,6 +52,7 @@ class ClearanceWatch(TickStage):
         self._guard = guard
         guard.parts_of = self._parts_of
         self._robots = robots = parts.robots
+        guard.checks_short_bodies = robots.configs[0].motion_rules > 9
         self._exchange = parts.exchange
         self._follows_trajectory = parts.follows_trajectory
         self._sink = parts.sink

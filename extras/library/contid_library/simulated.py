@@ -78,13 +78,12 @@ class Sim:
         self._commands = CommandReader(robots, self.units)
         self._preflight = build_preflight(loaded, self.rate_hz, self._unreachable)
         self._recording: RecordingObserver | None = None
-        sinks: list[Sink] = [self]
+        self._sink: Sink = self
         if record is not None:
             options = {"mock": "True", "unreachable": unreachable, "input": "contid.Sim"}
             self._recording = RecordingObserver(Path(record), options)
             setup = RunSetup(loaded, self.rate_hz, Path(), None, OnEnd.HOLD, attended=True)
-            sinks.append(self._recording.follow(setup))
-        self._sink: Sink = Tee(sinks)
+            self._sink = Tee([self, self._recording.follow(setup)])
         configs = build_robot_configs(loaded, self.rate_hz)
         self._states = StateReader(record_layout(loaded, self.rate_hz), configs, self.units)
         self._closed = False

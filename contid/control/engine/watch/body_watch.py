@@ -81,7 +81,7 @@ class BodyWatch(TickStage):
         """See `TickStage.after`: takes the commands."""
         for body, settling, outcome in zip(self.bodies, self.settlings, outcomes, strict=True):
             device, state = outcome.device, outcome.state
-            if device and body.device and not body.awake and state.enabled and state.squeeze is None:
+            if device and body.device and state.enabled and state.squeeze is None:
                 body.note(device)
                 settling.goal = device
                 continue

@@ -51,9 +51,10 @@ class _Excursion:
     began_at: float = 0.0  # its measurement when it was first outside
     commanded: bool = False  # its command was in motion then
 
-    def forgive(self) -> None:
-        """A tick inside."""
-        self.ticks = max(self.ticks - FORGIVEN, 0.0)
+    @property
+    def forgiven(self) -> float:
+        """The ticks after one inside."""
+        return max(self.ticks - FORGIVEN, 0.0)
 
 
 class WatchedBody:
@@ -93,22 +94,23 @@ class WatchedBody:
         self._values: Sequence[float | None] = ()
 
     def note(self, device: tuple[float, ...]) -> None:
-        """Take a command of a tick in which the range is not kept up."""
-        self._range.past.append(device)
+        """Take the next command of a body that is compared."""
+        if self.awake:
+            self._range.advance(device)
+        else:
+            self._range.past.append(device)
         self.device = device
 
     def command(self, device: tuple[float, ...], samples: Sequence[Sample]) -> None:
-        """Take a command to compare with; empty when there is none."""
+        """Take the first command to compare with; empty when there is none any more."""
         if not device:
             self.behind = 0.0
-        elif not self.device:
+        else:
             values = [sample.value for sample in samples if sample.value is not None]
             self._range.begin(device, values if len(values) == len(device) else device)
             self._excursions = [_Excursion() for _ in device]
             self._values = (None,) * len(device)
             self.awake = self._stay
-        elif self.awake:
-            self._range.advance(device)
         self.device = device
 
     def rest(self) -> None:
@@ -117,9 +119,8 @@ class WatchedBody:
         self.behind = 0.0
         self.awake -= 1
         for excursion in self._excursions:
-            excursion.forgive()
-            if not self.awake:
-                excursion.ticks = 0.0
+            if excursion.ticks:
+                excursion.ticks = excursion.forgiven if self.awake else 0.0
 
     def compare(self, samples: Sequence[Sample], latest_s: float, gap: bool) -> Deviation | None:
         """Compare measurements of which one is not at its command; the first fault that they confirm.
@@ -163,7 +164,7 @@ class WatchedBody:
         if excess > self.behind * response.tolerance:
             self.behind, self._farthest = excess / response.tolerance, axis
         if excess <= response.tolerance:
-            excursion.forgive()
+            excursion.ticks = excursion.forgiven
             return False
         if not excursion.ticks:
             excursion.commanded = not self._range.still(axis, STILL_SHARE * response.tolerance)

@@ -66,17 +66,18 @@ class ServoAnswers:
         self.stalled = False
 
     def plain(
-        self, devices: Collection[int], block: Block, deadline: float, slack_s: float, each: Receiver
-    ) -> None:
-        """Take the answers to a sync read; ``each`` gets every intact one.
+        self, devices: Collection[int], block: Block, deadline: float, slack_s: float, each: Receiver | None
+    ) -> dict[int, ServoReading]:
+        """Take the answers to a sync read; returns the intact ones by device.
 
         Args:
             devices: asked.
             block: asked for; answers of other lengths belong to earlier exchanges.
             deadline: time of the last answer [monotonic s].
             slack_s: wait this much longer if nothing at all arrived.
-            each: called once per device that answers.
+            each: called once per device that answers, as soon as it does.
         """
+        found: dict[int, ServoReading] = {}
         waiting = set(devices)
         heads, decode = _heads(tuple(devices), block.size), block.decode
         port, stream, unused = self.port, bytearray(), 0
@@ -109,15 +110,20 @@ class ServoAnswers:
                 else:
                     break
                 waiting.discard(device)
-                each(device, decode(parameters, error >= ALERT))
+                found[device] = reading = decode(parameters, error >= ALERT)
+                if each is not None:
+                    each(device, reading)
             if not data:
                 break
-        self._count_missing(len(waiting), unused > 0)
+        if waiting:
+            self._count_missing(len(waiting), unused > 0)
+        return found
 
     def fast(
-        self, devices: Sequence[int], block: Block, deadline: float, slack_s: float, each: Receiver
-    ) -> None:
+        self, devices: Sequence[int], block: Block, deadline: float, slack_s: float, each: Receiver | None
+    ) -> dict[int, ServoReading]:
         """Take the answer to a fast sync read, up to its first damaged part; arguments as in `plain`."""
+        found: dict[int, ServoReading] = {}
         answer, decode = FastAnswer(devices, block.size), block.decode
         self.received = self.stalled = False
         while answer.missing:
@@ -127,12 +133,15 @@ class ServoAnswers:
                 continue
             self.received = self.received or bool(data)
             for device, error, parameters in answer.feed(data):
-                each(device, decode(parameters, error >= ALERT))
+                found[device] = reading = decode(parameters, error >= ALERT)
+                if each is not None:
+                    each(device, reading)
             if not data:
                 break
         self.counts.late += answer.late
         if answer.missing:
             self._count_missing(answer.missing, answer.started)
+        return found
 
     def _stalled(self, deadline: float, slack_s: float) -> float:
         self.counts.stalls += 1

@@ -25,8 +25,6 @@ from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.cycle_time import Slack
 from contid_drivers.dynamixel.exchange.answers import AnswerCounts, Receiver, ServoAnswers
 from contid_drivers.dynamixel.exchange.block import Block, CyclicLayout, ServoReading, numbered_blocks
-from contid_drivers.dynamixel.exchange.fast_answer import HEAD as FAST_HEAD
-from contid_drivers.dynamixel.exchange.fast_answer import PART_OVERHEAD
 from contid_drivers.dynamixel.packets import (
     BROADCAST,
     Instruction,
@@ -70,10 +68,12 @@ class Cyclic:
         self._numbered = dict.fromkeys(numbered_blocks(layout), 0.0)
         self._orderly = ORDERLY
         self._reads: dict[tuple[int, bool], bytes] = {}
+        #: Time of the answers to a plain and to a fast read.
+        self._answers_s = (port.answers_s, port.fast_answer_s)
 
     def timeout_s(self, full: bool = True) -> float:
         """Time-out of the answers from the end of the instruction [s]."""
-        return self._answers_s(self._usual[full].size, self.fast) + self.port.latency_s
+        return self._answers_s[self.fast](len(self.ids), self._usual[full].size) + self.port.latency_s
 
     def _numbered_block(self) -> Block:
         """The block of an exchange during which late answers may come."""
@@ -82,13 +82,6 @@ class Cyclic:
         block = next(free, None) or min(self._numbered, key=self._numbered.__getitem__)
         self._numbered[block] = now
         return block
-
-    def _answers_s(self, size: int, fast: bool) -> float:
-        count = len(self.ids)
-        if fast:
-            bytes_ = FAST_HEAD + count * (size + PART_OVERHEAD)
-            return bytes_ * self.port.byte_s + self.port.return_delay_s
-        return count * (self.port.status_s(size) + self.port.return_delay_s)
 
     def put_last(self, silent: Collection[int]) -> None:
         """Move silent ids to the end of the order: each one delays, or ends, the answers after it.
@@ -146,25 +139,21 @@ class Cyclic:
         self.received_before = self.answers.received
         # After an exchange without a byte a further wait would only cost the time of the next ones.
         slack_s = self.slack.seconds if self.received_before else 0.0
-        on_wire_s = self._answers_s(block.size, fast)
+        on_wire_s = self._answers_s[fast](len(self.ids), block.size)
         # An answer of the usual length from a servo that was silent may be a late one: the next exchange
         # reads a block of another length from it.
         unproven = self.silent if block is self._usual[full] else frozenset()
-        found: dict[int, ServoReading] = {}
-        returned: list[int] = []
 
-        def take_answer(device: int, reading: ServoReading) -> None:
-            if device in unproven:
-                returned.append(device)
-                return
-            found[device] = reading
-            if each is not None:
+        def take_proven(device: int, reading: ServoReading) -> None:
+            if device not in unproven and each is not None:
                 each(device, reading)
 
         take_answers = self.answers.fast if fast else self.answers.plain
-        take_answers(self.ids, block, sent + on_wire_s + self.port.latency_s, slack_s, take_answer)
-        self.returned = frozenset(returned)
-        if returned:
+        deadline = sent + on_wire_s + self.port.latency_s
+        found = take_answers(self.ids, block, deadline, slack_s, take_proven if unproven else each)
+        self.returned = unproven.intersection(found)
+        if self.returned:
+            found = {device: reading for device, reading in found.items() if device not in unproven}
             self.silent -= self.returned
             self._reads.clear()
         complete = len(found) == len(self.ids)
@@ -194,7 +183,7 @@ class Cyclic:
         block = self._usual[full] if self._orderly >= ORDERLY else self._numbered_block()
         port = self.port
         wire = sync_read(block.address, block.size, devices)
-        answers_s = len(devices) * (port.status_s(block.size) + port.return_delay_s)
+        answers_s = port.answers_s(len(devices), block.size)
         if time.monotonic() + len(wire) * port.byte_s + answers_s > until:
             return
         port.flush()
