@@ -124,7 +124,7 @@ def other_panel(shared: tuple[Running, PanelProcess]) -> Iterator[tuple[Running,
 def both(
     request: pytest.FixtureRequest, shared: tuple[Running, PanelProcess]
 ) -> tuple[Running, PanelProcess]:
-    """What this test has: by `usefixtures` ``alone`` or ``other_panel``, else the shared, as after its start."""
+    """By `usefixtures` ``alone`` or ``other_panel``, else the shared fingers, as after their start."""
     for name in ("alone", "other_panel"):
         if name in request.fixturenames:
             made: tuple[Running, PanelProcess] = request.getfixturevalue(name)
@@ -151,7 +151,7 @@ def idle(browser: Browser, shared: tuple[Running, PanelProcess]) -> Page:
     def made() -> Iterator[Page]:
         context = browser.new_context(bypass_csp=True)
         page = context.new_page()
-        page.route("**/static/main.js", lambda asked: asked.fulfill(content_type="text/javascript", body=""))
+        page.route("**/files/*/main.js", lambda asked: asked.fulfill(content_type="text/javascript", body=""))
         page.goto(shared[1].url)
         yield page
         context.close()

@@ -23,11 +23,11 @@ pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
 def commanded(running: Running, name: str) -> float:
-    """Where a coordinate of f0 is commanded to [mm]: what is measured still follows when a motion has ended."""
+    """Where f0 is commanded to [mm]: what is measured still follows when a motion has ended."""
     with running.client() as client:
         fields = next(iter(client.telemetry(20.0, fields=("command", "command_tip_mm"))))["robots"]["f0"]
     (left, right), (x, y, *_) = fields["command"], fields["command_tip_mm"]
-    return {"x": x, "y": y, "left": left, "right": right}[name]
+    return float({"x": x, "y": y, "left": left, "right": right}[name])
 
 
 def test_jog_along_every_axis(it: OpenPage, running: Running) -> None:
@@ -102,7 +102,12 @@ def test_drag_of_the_target_in_the_view(drawn: OpenPage, running: Running) -> No
 
 
 def test_the_robots_are_drawn(drawn: OpenPage) -> None:
-    """The first robot is blue, the second orange; in a fault both would be red, without torque grey."""
+    """The first robot is blue, the second orange; in a fault both would be red, without torque grey.
+
+    A program that draws in place of a graphics card is noticed: Chromium reports no caveat when it was
+    started with one.
+    """
+    assert drawn.page.locator("#view").get_attribute("data-drawn-by") == "a program"
     assert drawn.page.locator("#view-note").is_hidden()
     shot = io.BytesIO(drawn.page.locator("#view").screenshot())
     red, green, blue = np.moveaxis(imread(shot, format="png")[..., :3], -1, 0)

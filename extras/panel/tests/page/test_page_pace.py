@@ -67,11 +67,6 @@ def test_where_a_program_draws_images_are_apart(idle: Page) -> None:
     assert paced(idle, "pace.software = true; image(16); return pace.wait()") == 250
 
 
-def test_a_program_that_draws_in_place_of_a_graphics_card_is_noticed(drawn: OpenPage) -> None:
-    """Chromium reports no caveat when it was started with one."""
-    assert drawn.page.locator("#view").get_attribute("data-drawn-by") == "a program"
-
-
 def test_a_new_state_is_written_although_its_image_waits(it: OpenPage, running: Running) -> None:
     """No image comes and the clock of the page stands, so that the pause before the next one never ends."""
     it.page.evaluate(

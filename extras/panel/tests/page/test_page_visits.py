@@ -39,7 +39,7 @@ def test_a_visit_finds_nothing_of_the_one_before(tab: Tab, served: PanelProcess,
         it.page.mouse.move(200.0, 8.0)
         it.page.mouse.down()
         it.page.keyboard.down("Control")
-        it.page.route("**/static/faults.js", lambda asked: asked.abort())
+        it.page.route("**/files/*/faults.js", lambda asked: asked.abort())
         assert it.page.evaluate(FOUND) != new
         it.page.mouse.move(201.0, 8.0)
         assert it.page.evaluate("() => window.moved") == [1, True]
