@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
 import pytest
-from playwright.sync_api import Browser, BrowserContext, Error, Page, Playwright
+from playwright.sync_api import Browser, ConsoleMessage, Error, Page, Playwright, ViewportSize, WebSocket
 
 from tests.support.daemons import Running
 from tests.support.panels import PanelProcess
@@ -26,6 +26,7 @@ DRAWING: Final = (
 NOT_DRAWING: Final = ("--disable-gpu", "--disable-3d-apis")
 #: A loaded machine draws slowly; only a hang fails.
 TIMEOUT_MS: Final = 60_000
+VIEWPORT: Final[ViewportSize] = {"width": 1280, "height": 860}
 
 
 @contextmanager
@@ -58,13 +59,29 @@ class OpenPage:
         problems: errors of scripts and violations of the policy.
     """
 
-    def __init__(self, context: BrowserContext, served: PanelProcess) -> None:
-        self.page: Page = context.new_page()
-        self.page.set_default_timeout(TIMEOUT_MS)
+    def __init__(self, page: Page) -> None:
+        self.page = page
         self.problems: list[str] = []
-        self.page.on("pageerror", lambda error: self.problems.append(str(error)))
-        self.page.on("console", lambda it: self.problems.append(it.text) if it.type == "error" else None)
-        self.page.goto(served.url)
+        page.set_default_timeout(TIMEOUT_MS)
+        page.on("pageerror", self._take_error)
+        page.on("console", self._take_message)
+
+    def check(self) -> None:
+        """Fail for errors of its scripts; a panel that ends breaks its WebSocket."""
+        unexpected = [text for text in self.problems if "WebSocket connection" not in text]
+        assert not unexpected
+
+    def forget(self) -> None:
+        """Listen no more."""
+        self.page.remove_listener("pageerror", self._take_error)
+        self.page.remove_listener("console", self._take_message)
+
+    def _take_error(self, error: Error) -> None:
+        self.problems.append(str(error))
+
+    def _take_message(self, message: ConsoleMessage) -> None:
+        if message.type == "error":
+            self.problems.append(message.text)
 
     def state(self, robot: str, state: str) -> None:
         """Wait for the state of a robot."""
@@ -92,15 +109,86 @@ class OpenPage:
 
 @contextmanager
 def opened(browser: Browser, served: PanelProcess, **keys: object) -> Iterator[OpenPage]:
-    """A page of a panel in a context of its own; its console must stay free of errors."""
-    context = browser.new_context(**({"viewport": {"width": 1280, "height": 860}} | keys))  # type: ignore[arg-type]
+    """A page of a panel in a context of its own, as of another device."""
+    context = browser.new_context(**({"viewport": VIEWPORT} | keys))  # type: ignore[arg-type]
     try:
-        found = OpenPage(context, served)
+        found = OpenPage(context.new_page())
+        found.page.goto(served.url)
         yield found
-        unexpected = [text for text in found.problems if "WebSocket connection" not in text]
-        assert not unexpected
+        found.check()
     finally:
         context.close()
+
+
+class Tab:
+    """One page of a browser that tests visit one after another, each as if nobody had been there.
+
+    A page in a context of its own takes 2.5 s of a processor, mostly to start a renderer.
+
+    Args:
+        browser: where it is.
+        keys: of `Browser.new_context`.
+    """
+
+    def __init__(self, browser: Browser, **keys: object) -> None:
+        self._browser = browser
+        self._keys = {"viewport": VIEWPORT, "color_scheme": "light"} | keys
+        self._page: Page | None = None
+
+    @contextmanager
+    def opened(
+        self, served: PanelProcess, on_websocket: Callable[[WebSocket], None] | None = None
+    ) -> Iterator[OpenPage]:
+        """Visit a panel; ``on_websocket`` is told of the connections that the page makes."""
+        found = OpenPage(self._blank())
+        if on_websocket is not None:
+            found.page.on("websocket", on_websocket)
+        try:
+            found.page.goto(served.url)
+            yield found
+            found.check()
+        except BaseException:
+            self.close()
+            raise
+        found.forget()
+        if on_websocket is not None:
+            found.page.remove_listener("websocket", on_websocket)
+        self._leave(served)
+
+    def close(self) -> None:
+        """End the page; the next visit has a new one."""
+        if self._page is not None:
+            page, self._page = self._page, None
+            page.context.close()
+
+    def _blank(self) -> Page:
+        if self._page is None:
+            self._page = self._browser.new_context(**self._keys).new_page()  # type: ignore[arg-type]
+        return self._page
+
+    def _leave(self, served: PanelProcess) -> None:
+        """End the document with what it stored, and put back what tests set at the page.
+
+        Its place takes a document of the same site, which needs no other renderer as an empty page does.
+        """
+        assert self._page is not None
+        if self._page.is_closed():
+            self.close()
+            return
+        page = self._page
+        try:
+            page.evaluate("() => { sessionStorage.clear(); localStorage.clear(); }")
+            page.goto(f"{served.origin}/static/icon.svg" if served.process.poll() is None else "about:blank")
+            page.unroute_all()
+            page.context.clear_cookies()
+            page.mouse.up()
+            page.mouse.move(-1.0, -1.0)
+            page.keyboard.up("Control")
+            page.set_viewport_size(self._keys["viewport"])  # type: ignore[arg-type]
+            page.emulate_media(color_scheme=self._keys["color_scheme"])  # type: ignore[arg-type]
+        except Error:
+            self.close()
+            raise
 
 
 def tip_mm(running: Running, robot: str = "f0") -> list[float]:

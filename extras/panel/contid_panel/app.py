@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import hashlib
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Final
 
 from starlette.applications import Starlette
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
-from starlette.types import ASGIApp
+from starlette.types import ASGIApp, Scope
 from starlette.websockets import WebSocket
 
 from contid import __version__
@@ -34,6 +35,33 @@ from contid_panel.page_client import PageClient
 from contid_panel.poses import PanelPoses
 
 STATIC: Final = Path(__file__).parent / "static"
+
+
+class KeptFiles(StaticFiles):
+    """The files of the page under the name of their version, which browsers keep until it is another.
+
+    A page has 36 of them: to ask for each again at every reload took a fifth of a second of this process.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(directory=STATIC)
+        self._version = ""
+
+    def index(self) -> str:
+        """The page, with the names of the newest files."""
+        read = hashlib.blake2b(digest_size=8)
+        for file in sorted(path for path in STATIC.rglob("*") if path.is_file()):
+            read.update(file.read_bytes())
+        self._version = read.hexdigest()
+        text = (STATIC / "index.html").read_text(encoding="utf-8")
+        return text.replace('"/static/', f'"/files/{self._version}/')
+
+    async def get_response(self, path: str, scope: Scope) -> Response:
+        """A file; browsers keep it when the version is the newest."""
+        response = await super().get_response(path, scope)
+        if scope["path_params"]["version"] == self._version:
+            response.headers["Cache-Control"] = "private, max-age=31536000, immutable"
+        return response
 
 
 class PanelApp:
@@ -59,6 +87,7 @@ class PanelApp:
         self._stopper = PageClient(socket, "panel stop")
         self._pages = 0
         self._uploading = asyncio.Lock()
+        self._files = KeptFiles()
         routes = [
             Route("/", self._index),
             Route("/api/hello", self._hello, methods=["GET"]),
@@ -66,6 +95,7 @@ class PanelApp:
             Route("/api/modes", self._serve_modes, methods=["GET"]),
             Route("/api/check", self._serve_check, methods=["POST"]),
             WebSocketRoute("/socket", self._socket),
+            Mount("/files/{version}", self._files),
             Mount("/static", StaticFiles(directory=STATIC)),
         ]
         self.asgi: ASGIApp = Guard(Starlette(routes=routes, lifespan=self._lifespan), access)
@@ -82,7 +112,7 @@ class PanelApp:
             await self._stopper.abandon()
 
     async def _index(self, request: Request) -> Response:
-        return FileResponse(STATIC / "index.html")
+        return HTMLResponse(self._files.index())
 
     async def _hello(self, request: Request) -> Response:
         return JSONResponse({"version": __version__, "read_only": self._read_only})

@@ -15,7 +15,7 @@ from tests.support.panels import PanelProcess, panel
 if TYPE_CHECKING:  # the other tests of the panel need no playwright
     from playwright.sync_api import Browser, Page, Playwright
 
-    from tests.support.browser import OpenPage
+    from tests.support.browser import OpenPage, Tab
 
 
 #: Of the daemons: twice what the page sends and shows in a second.
@@ -113,12 +113,22 @@ def alone() -> Iterator[tuple[Running, PanelProcess]]:
 
 
 @pytest.fixture
+def other_panel(shared: tuple[Running, PanelProcess]) -> Iterator[tuple[Running, PanelProcess]]:
+    """The shared fingers, and a panel of a test that ends it."""
+    as_started(shared[0])
+    with panel(shared[0]) as served:
+        yield shared[0], served
+
+
+@pytest.fixture
 def both(
     request: pytest.FixtureRequest, shared: tuple[Running, PanelProcess]
 ) -> tuple[Running, PanelProcess]:
-    """What this test has: its own with `usefixtures("alone")`, else the shared one, as after its start."""
-    if "alone" in request.fixturenames:
-        return request.getfixturevalue("alone")
+    """By `usefixtures` ``alone`` or ``other_panel``, else the shared fingers, as after their start."""
+    for name in ("alone", "other_panel"):
+        if name in request.fixturenames:
+            made: tuple[Running, PanelProcess] = request.getfixturevalue(name)
+            return made
     as_started(shared[0])
     return shared
 
@@ -141,7 +151,7 @@ def idle(browser: Browser, shared: tuple[Running, PanelProcess]) -> Page:
     def made() -> Iterator[Page]:
         context = browser.new_context(bypass_csp=True)
         page = context.new_page()
-        page.route("**/static/main.js", lambda asked: asked.fulfill(content_type="text/javascript", body=""))
+        page.route("**/files/*/main.js", lambda asked: asked.fulfill(content_type="text/javascript", body=""))
         page.goto(shared[1].url)
         yield page
         context.close()
@@ -149,20 +159,39 @@ def idle(browser: Browser, shared: tuple[Running, PanelProcess]) -> Page:
     return KEPT.get("idle", made)
 
 
-@pytest.fixture
-def it(browser: Browser, served: PanelProcess) -> Iterator[OpenPage]:
-    from tests.support.browser import opened
+@contextmanager
+def _tab(browser: Browser, **keys: object) -> Iterator[Tab]:
+    from tests.support.browser import Tab
 
-    with opened(browser, served) as page:
+    made = Tab(browser, **keys)
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+@pytest.fixture(scope="module")
+def tab(browser: Browser) -> Tab:
+    """A page that tests visit one after another."""
+    return KEPT.get("tab", lambda: _tab(browser))
+
+
+@pytest.fixture(scope="module")
+def drawing_tab(drawing: Browser) -> Tab:
+    """A page that draws the robots, which tests visit one after another."""
+    return KEPT.get("drawing tab", lambda: _tab(drawing))
+
+
+@pytest.fixture
+def it(tab: Tab, served: PanelProcess) -> Iterator[OpenPage]:
+    with tab.opened(served) as page:
         page.state("f0", "HOLD")
         yield page
 
 
 @pytest.fixture
-def drawn(drawing: Browser, served: PanelProcess) -> Iterator[OpenPage]:
+def drawn(drawing_tab: Tab, served: PanelProcess) -> Iterator[OpenPage]:
     """A page that draws the robots."""
-    from tests.support.browser import opened
-
-    with opened(drawing, served) as page:
+    with drawing_tab.opened(served) as page:
         page.state("f0", "HOLD")
         yield page

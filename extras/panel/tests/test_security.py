@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 import socket
 import time
 from collections.abc import Iterator
@@ -63,6 +64,19 @@ def test_the_page_comes_with_a_strict_policy(served: PanelProcess) -> None:
     assert response.headers["cross-origin-resource-policy"] == "same-origin"
     assert not [name for name in response.headers if name.startswith("access-control")]
     assert served.token not in response.text
+
+
+def test_browsers_keep_the_newest_files_only(served: PanelProcess) -> None:
+    page = served.request("GET", "/")
+    kept = [served.request("GET", name) for name in re.findall(r'(?:src|href)="([^"]+)"', page.text)]
+    assert len(kept) == 4
+    for response in kept:
+        assert response.status_code == 200
+        assert "immutable" in response.headers["cache-control"]
+        other = served.request("GET", re.sub("/files/[^/]+", "/files/other", response.url.path))
+        assert (other.headers["cache-control"], other.content) == ("no-store", response.content)
+    for path in ("/", "/static/main.js", "/files/other/none.js", "/api/hello", "/api/modes"):
+        assert served.request("GET", path).headers["cache-control"] == "no-store"
 
 
 def test_nothing_listens_beyond_loopback(served: PanelProcess) -> None:

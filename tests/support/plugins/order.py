@@ -44,7 +44,7 @@ LONGEST: Final = (
 
 
 #: Folders whose tests share a browser, and the number of workers that have one.
-SHARING: Final = {"extras/panel/tests/page": 2}
+SHARING: Final = {"extras/panel/tests/page": 1}
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -10,9 +10,7 @@ import pytest
 pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 pytest.importorskip("axe_playwright_python", reason="pip install 'contid[test]'")
 
-from playwright.sync_api import Browser
-
-from tests.support.browser import OpenPage, dim, opened, violations
+from tests.support.browser import OpenPage, Tab, dim, violations
 from tests.support.daemons import daemon
 from tests.support.panels import PanelProcess, panel
 
@@ -57,8 +55,8 @@ def test_a_page_in_control(it: OpenPage) -> None:
     assert problems(it) == []
 
 
-def test_a_page_with_a_fault(browser: Browser, faulty: PanelProcess) -> None:
-    with opened(browser, faulty) as it:
+def test_a_page_with_a_fault(tab: Tab, faulty: PanelProcess) -> None:
+    with tab.opened(faulty) as it:
         it.page.wait_for_selector("#faults:not([hidden])")
         assert problems(it) == []
 
@@ -71,8 +69,9 @@ def test_the_contrast_is_measured(it: OpenPage) -> None:
     assert any("holds its position" in text for text in dim(it))
 
 
-def test_a_fault_is_announced_and_leads_to_its_remedy(browser: Browser, faulty: PanelProcess) -> None:
-    with opened(browser, faulty, viewport={"width": 390, "height": 600}) as it:
+def test_a_fault_is_announced_and_leads_to_its_remedy(tab: Tab, faulty: PanelProcess) -> None:
+    with tab.opened(faulty) as it:
+        it.page.set_viewport_size({"width": 390, "height": 600})
         it.page.wait_for_selector("#faults:not([hidden])")
         banner = it.page.get_by_role("alert").filter(has_text="f0: fault 102")
         assert banner.is_visible()
@@ -81,3 +80,27 @@ def test_a_fault_is_announced_and_leads_to_its_remedy(browser: Browser, faulty: 
         assert it.page.evaluate("document.activeElement.id") == "robot-f0"
         assert it.page.locator(".fault:not([hidden])").is_visible()
         assert faulty.token in it.page.evaluate("location.hash")  # a reload needs it
+
+
+def test_a_message_takes_no_press_of_what_it_lies_over(it: OpenPage) -> None:
+    it.page.set_viewport_size({"width": 390, "height": 844})
+    it.take_control()
+    it.page.get_by_role("button", name="Record").click()
+    it.page.wait_for_selector(".toast")
+    over = """() => {
+        const { left, top, width, height } = document.querySelector('.toast').getBoundingClientRect();
+        const hold = document.querySelector('.robot[data-robot=f1] .orders button');
+        const box = hold.getBoundingClientRect();
+        window.scrollBy(0, box.top + box.height / 2 - top - height / 2);
+        const at = hold.getBoundingClientRect();
+        const x = at.left + at.width / 2, y = at.top + at.height / 2;
+        const covered = left < x && x < left + width && top < y && y < top + height;
+        return [x, y, hold.textContent, covered];
+    }"""
+    x, y, name, covered = it.page.evaluate(over)
+    assert covered
+    it.page.evaluate(
+        "() => addEventListener('pointerdown', (event) => { window.pressed = event.target.textContent; })"
+    )
+    it.page.mouse.click(x, y)
+    assert it.page.evaluate("() => window.pressed") == name

@@ -9,11 +9,9 @@ import pytest
 pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 pytest.importorskip("axe_playwright_python", reason="pip install 'contid[test]'")
 
-from playwright.sync_api import Browser
-
 from contid.robot_file.load import parse_robot_file
 from contid.robot_file.proven.bringup import wiring_digest
-from tests.support.browser import OpenPage, dim, opened, violations
+from tests.support.browser import OpenPage, Tab, dim, violations
 from tests.support.daemons import daemon
 from tests.support.panels import panel
 from tests.support.waiting import until
@@ -53,11 +51,11 @@ def go(it: OpenPage, robot: str, axis: str, value: str) -> None:
     entry.press("Enter")
 
 
-def test_a_body_beside_its_commands_and_its_bring_up(browser: Browser) -> None:
+def test_a_body_beside_its_commands_and_its_bring_up(tab: Tab) -> None:
     with (
         daemon(2, options=FAULTS, change=brought_up) as running,
         panel(running) as served,
-        opened(browser, served) as it,
+        tab.opened(served) as it,
     ):
         for robot in ("f0", "f1"):
             it.state(robot, "HOLD")

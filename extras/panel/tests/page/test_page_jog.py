@@ -12,10 +12,10 @@ import pytest
 
 pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Page, WebSocket
 
 from contid.client import Client
-from tests.support.browser import OpenPage, opened
+from tests.support.browser import OpenPage, Tab
 from tests.support.daemons import Running, shipped, states
 from tests.support.panels import PanelProcess, panel
 from tests.support.waiting import until
@@ -86,9 +86,12 @@ def bends(running: Running) -> list[float]:
 class Orders:
     """The rows that a page sends."""
 
-    def __init__(self, it: OpenPage) -> None:
+    def __init__(self) -> None:
         self.rows: list[list[float]] = []
-        it.page.on("websocket", lambda socket: socket.on("framesent", self._take))
+
+    def listen(self, socket: WebSocket) -> None:
+        """Take what is sent on a connection."""
+        socket.on("framesent", self._take)
 
     def _take(self, payload: str | bytes) -> None:
         message = json.loads(payload)
@@ -138,11 +141,10 @@ def shared_robot(request: pytest.FixtureRequest) -> Iterator[Shared]:
 
 
 @pytest.fixture
-def at_rest(shared_robot: Shared, browser: Browser) -> Iterator[tuple[OpenPage, Running, Orders]]:
+def at_rest(shared_robot: Shared, tab: Tab) -> Iterator[tuple[OpenPage, Running, Orders]]:
     shared_robot.return_to_rest()
-    with opened(browser, shared_robot.served) as it:
-        orders = Orders(it)
-        it.page.reload()
+    orders = Orders()
+    with tab.opened(shared_robot.served, on_websocket=orders.listen) as it:
         it.page.wait_for_selector(".robot[data-state=HOLD]")
         it.take_control()
         it.page.wait_for_selector(".robot input:enabled")
@@ -226,8 +228,8 @@ def test_a_mouse_on_a_slider_changes_one_coordinate(at_rest: tuple[OpenPage, Run
     assert others_mm(orders.rows, 0, before) < UNTOUCHED_MM + CURVED_PER_MM * moved_mm**2
 
 
-def test_the_first_key_moves_an_arm_at_the_edge_of_its_reach(browser: Browser) -> None:
-    with shipped("trirack") as running, panel(running) as served, opened(browser, served) as it:
+def test_the_first_key_moves_an_arm_at_the_edge_of_its_reach(tab: Tab) -> None:
+    with shipped("trirack") as running, panel(running) as served, tab.opened(served) as it:
         it.page.wait_for_selector(".robot[data-state=HOLD]")
         it.take_control()
         it.page.wait_for_selector(".robot input:enabled")

@@ -6,11 +6,10 @@ import pytest
 
 pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Page
 
-from tests.support.browser import OpenPage, opened
+from tests.support.browser import OpenPage
 from tests.support.daemons import Running
-from tests.support.panels import PanelProcess
 from tests.support.waiting import until
 
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
@@ -68,40 +67,27 @@ def test_where_a_program_draws_images_are_apart(idle: Page) -> None:
     assert paced(idle, "pace.software = true; image(16); return pace.wait()") == 250
 
 
-def test_a_program_that_draws_in_place_of_a_graphics_card_is_noticed(drawn: OpenPage) -> None:
-    """Chromium reports no caveat when it was started with one."""
-    assert drawn.page.locator("#view").get_attribute("data-drawn-by") == "a program"
-
-
-def test_a_new_state_is_written_although_its_image_waits(
-    browser: Browser, served: PanelProcess, running: Running
-) -> None:
+def test_a_new_state_is_written_although_its_image_waits(it: OpenPage, running: Running) -> None:
     """No image comes and the clock of the page stands, so that the pause before the next one never ends."""
-    with opened(browser, served) as it:
-        it.state("f0", "HOLD")
-        it.page.evaluate(
-            "() => { window.requestAnimationFrame = () => 0;"
-            "const now = performance.now(); performance.now = () => now; }"
-        )
-        it.page.wait_for_timeout(500)  # frames come meanwhile
-        it.page.keyboard.press("Space")
-        until(running.off, "the devices are without torque")
-        it.state("f0", "OFF")
+    it.page.evaluate(
+        "() => { window.requestAnimationFrame = () => 0;"
+        "const now = performance.now(); performance.now = () => now; }"
+    )
+    it.page.wait_for_timeout(500)  # frames come meanwhile
+    it.page.keyboard.press("Space")
+    until(running.off, "the devices are without torque")
+    it.state("f0", "OFF")
 
 
 @pytest.mark.parametrize("by", ["pointer", "key"])
-def test_stop_although_nothing_is_drawn(
-    browser: Browser, served: PanelProcess, running: Running, by: str
-) -> None:
-    with opened(browser, served) as it:
-        it.state("f0", "HOLD")
-        box = it.page.locator("#stop").bounding_box()
-        assert box is not None
-        it.page.evaluate("() => { window.requestAnimationFrame = () => 0; }")
-        if by == "pointer":
-            it.page.mouse.move(box["x"] + 20.0, box["y"] + 20.0)
-            it.page.mouse.down()
-        else:
-            it.page.keyboard.press("Space")
-        until(running.off, "the devices are without torque")
-        it.state("f0", "OFF")  # shown although the images of the page never come
+def test_stop_although_nothing_is_drawn(it: OpenPage, running: Running, by: str) -> None:
+    box = it.page.locator("#stop").bounding_box()
+    assert box is not None
+    it.page.evaluate("() => { window.requestAnimationFrame = () => 0; }")
+    if by == "pointer":
+        it.page.mouse.move(box["x"] + 20.0, box["y"] + 20.0)
+        it.page.mouse.down()
+    else:
+        it.page.keyboard.press("Space")
+    until(running.off, "the devices are without torque")
+    it.state("f0", "OFF")  # shown although the images of the page never come

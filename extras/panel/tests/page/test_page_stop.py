@@ -12,9 +12,7 @@ import pytest
 
 pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 
-from playwright.sync_api import Browser
-
-from tests.support.browser import OpenPage, opened
+from tests.support.browser import OpenPage, Tab
 from tests.support.daemons import Running, as_started, command, daemon, states
 from tests.support.panels import PanelProcess, panel
 from tests.support.waiting import until
@@ -101,7 +99,7 @@ def test_stop_when_the_socket_of_the_page_is_lost(it: OpenPage, running: Running
     until(running.off, "the devices are without torque")
 
 
-@pytest.mark.usefixtures("alone")
+@pytest.mark.usefixtures("other_panel")
 def test_a_stop_that_nothing_confirms_is_reported(it: OpenPage, served: PanelProcess) -> None:
     served.process.kill()
     it.page.locator("#stop").click()
@@ -146,24 +144,23 @@ def test_the_alarm_comes_well_within_its_bound(it: OpenPage, served: PanelProces
     it.page.wait_for_selector("#alarm", state="hidden")
 
 
-@pytest.mark.usefixtures("alone")
-def test_the_alarm_is_seen_on_a_phone(browser: Browser, served: PanelProcess) -> None:
-    with opened(browser, served, viewport={"width": 390, "height": 800}) as it:
-        it.state("f0", "HOLD")
-        it.page.mouse.wheel(0, 500)
-        served.process.kill()
-        it.page.locator("#stop").click()
-        it.page.wait_for_selector("#alarm:not([hidden])")
-        shown = """(alarm) => {
-            const { left, top, bottom } = alarm.getBoundingClientRect();
-            return [top + 2, bottom - 2].every((y) => document.elementFromPoint(left + 20, y) === alarm);
-        }"""
-        assert it.page.locator("#alarm").evaluate(shown)
-        it.problems.clear()  # the failed requests
+@pytest.mark.usefixtures("other_panel")
+def test_the_alarm_is_seen_on_a_phone(it: OpenPage, served: PanelProcess) -> None:
+    it.page.set_viewport_size({"width": 390, "height": 800})
+    it.page.mouse.wheel(0, 500)
+    served.process.kill()
+    it.page.locator("#stop").click()
+    it.page.wait_for_selector("#alarm:not([hidden])")
+    shown = """(alarm) => {
+        const { left, top, bottom } = alarm.getBoundingClientRect();
+        return [top + 2, bottom - 2].every((y) => document.elementFromPoint(left + 20, y) === alarm);
+    }"""
+    assert it.page.locator("#alarm").evaluate(shown)
+    it.problems.clear()  # the failed requests
 
 
-def test_a_fault_is_explained_and_cleared(browser: Browser) -> None:
-    with daemon(options=SILENT) as running, panel(running) as served, opened(browser, served) as it:
+def test_a_fault_is_explained_and_cleared(tab: Tab) -> None:
+    with daemon(options=SILENT) as running, panel(running) as served, tab.opened(served) as it:
         it.state("f0", "FAULT")
         it.page.wait_for_selector(".fault:not([hidden])")
         text = it.text(".fault")
@@ -189,21 +186,21 @@ def test_resume_after_a_stop_of_another_client_asks_first(it: OpenPage, running:
 
 
 @pytest.mark.usefixtures("alone")
-def test_the_daemon_is_killed_and_restarted(drawn: OpenPage, running: Running) -> None:
-    drawn.take_control()
+def test_the_daemon_is_killed_and_restarted(it: OpenPage, running: Running) -> None:
+    it.take_control()
     running.process.kill()
     running.process.wait()
-    drawn.page.wait_for_selector("#link[data-state=waiting]")
-    drawn.state("f0", "LOST")
-    assert "never resumed" in drawn.text("#view-note")
+    it.page.wait_for_selector("#link[data-state=waiting]")
+    it.state("f0", "LOST")
+    assert "never resumed" in it.text("#view-note")
     with restarted(running):
-        drawn.state("f0", "READY")
-        drawn.page.wait_for_selector("#lease[data-mine=false]")
-        drawn.page.wait_for_timeout(1000)
+        it.state("f0", "READY")
+        it.page.wait_for_selector("#lease[data-mine=false]")
+        it.page.wait_for_timeout(1000)
         with running.client() as client:
             assert states(client) == {"READY"}
-        drawn.page.locator("#stop").click()
-        drawn.state("f0", "OFF")
+        it.page.locator("#stop").click()
+        it.state("f0", "OFF")
 
 
 @pytest.mark.usefixtures("alone")
@@ -211,15 +208,15 @@ def test_a_robot_file_that_changed_is_reported_until_a_restart(drawn: OpenPage, 
     file = running.folder / "fingers.yaml"
     file.write_text(file.read_text().replace("length_mm: [0, 100]", "length_mm: [0, 90]"))
     drawn.page.reload()
-    drawn.page.locator("#view-note").get_by_text("has changed since the daemon read it").wait_for()
+    note = drawn.page.locator("#view-note", has_text="has changed since the daemon read it")
+    note.wait_for()
     running.process.kill()
     running.process.wait()
     with restarted(running):
         drawn.state("f0", "READY")
-        drawn.page.wait_for_selector("#view-note", state="hidden")
+        note.wait_for(state="detached")
 
 
-@pytest.mark.usefixtures("alone")
 def test_events_have_their_reasons(it: OpenPage, running: Running) -> None:
     it.page.locator("#stop").click()
     it.state("f0", "OFF")
