@@ -14,9 +14,10 @@ from pathlib import Path
 from tests.firmware.elf import read_elf
 from tests.firmware.sam3x.board import Sam3x
 from tests.firmware.sam3x.build import build_sketch
-from tests.firmware.sam3x.cpu import CLOCK_HZ, NEVER
+from tests.firmware.sam3x.cpu import CLOCK_HZ
 from tests.firmware.sam3x.host import Host
 from tests.firmware.sam3x.plant import Motors, Regulators
+from tests.firmware.sam3x.system_control import NEVER
 
 PERIOD_MS = 10
 STEP_MS = 0.05

@@ -6,7 +6,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext
 
 import psutil
 import pytest
@@ -47,9 +47,14 @@ def child_of(do: Callable[[], None]) -> Iterator[int]:
         os.waitpid(child, 0)
 
 
-def share_waited(do: Callable[[], None], looks: int = 1) -> float:
-    """Share of a time that such a child waits for a processor."""
-    with child_of(do) as child, closing(ProcessTime(child)) as found:
+def share_waited(do: Callable[[], None], looks: int = 1, busy: bool = False) -> float:
+    """Share of a time that such a child waits for a processor, alone or beside one that computes."""
+    with (
+        one_processor() if busy else nullcontext(),
+        child_of(do) as child,
+        computing() if busy else nullcontext(),
+        closing(ProcessTime(child)) as found,
+    ):
         time.sleep(0.2)
         found.begin()
         began_s, waited_s = time.monotonic(), 0.0
@@ -60,10 +65,19 @@ def share_waited(do: Callable[[], None], looks: int = 1) -> float:
 
 
 @contextmanager
-def busy_processor() -> Iterator[None]:
-    """This process and its children share one processor with one that computes."""
+def one_processor() -> Iterator[None]:
+    """This process and its children share one processor."""
     before = os.sched_getaffinity(0)
     os.sched_setaffinity(0, {min(before)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
+
+
+@contextmanager
+def computing() -> Iterator[None]:
+    """A child that computes. It ends before a child of less priority, which could not end beside it."""
     other = os.fork()
     if not other:
         spin()
@@ -72,7 +86,6 @@ def busy_processor() -> Iterator[None]:
     finally:
         os.kill(other, signal.SIGKILL)
         os.waitpid(other, 0)
-        os.sched_setaffinity(0, before)
 
 
 def sleep_then_spin() -> None:
@@ -87,23 +100,22 @@ def test_one_that_sleeps_does_not_wait() -> None:
 @pytest.mark.parametrize("looks", [1, 4])
 def test_one_beside_others_that_compute_waits(looks: int) -> None:
     """A normal process takes the processor from one of the least priority."""
-    with busy_processor():
-        share = share_waited(spin, looks=looks)
-    assert 0.5 < share < 1.01
+    assert 0.5 < share_waited(spin, looks=looks, busy=True) < 1.01
 
 
 def test_a_sleep_before_a_look_is_no_waiting() -> None:
     """The look finds it waiting for a processor, but until the signal it slept."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
     try:
-        with busy_processor(), child_of(sleep_then_spin) as child, closing(ProcessTime(child)) as found:
+        with one_processor(), child_of(sleep_then_spin) as child, closing(ProcessTime(child)) as found:
             until(lambda: psutil.Process(child).status() == psutil.STATUS_SLEEPING, "it sleeps")
-            found.begin()
-            time.sleep(LOOK_S)
-            slept_until_s = time.monotonic()
-            os.kill(child, signal.SIGUSR1)
-            time.sleep(0.03)
-            assert found.waited_s() < time.monotonic() - slept_until_s + 0.1 * LOOK_S
+            with computing():
+                found.begin()
+                time.sleep(LOOK_S)
+                slept_until_s = time.monotonic()
+                os.kill(child, signal.SIGUSR1)
+                time.sleep(0.03)
+                assert found.waited_s() < time.monotonic() - slept_until_s + 0.1 * LOOK_S
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-from tests.firmware.sam3x.cpu import CLOCK_HZ, NEVER, Cpu
+from tests.firmware.sam3x.cpu import CLOCK_HZ, Cpu
 from tests.firmware.sam3x.registers import Adc, Flash, Pio, Plain, Pmc, Pwm, Supply, Tc, Trng, Watchdog
+from tests.firmware.sam3x.system_control import NEVER
 from tests.firmware.sam3x.uart import Uart
 from tests.firmware.sam3x.usb import Usb
 
@@ -17,7 +18,11 @@ UNIQUE_ID = bytes(range(0x30, 0x40))
 class Sam3x:
     """``run_ms`` runs it. A watchdog reset boots it with new register models; ``resets`` counts them."""
 
-    def __init__(self, elf: Path, cycles_per_instruction: float = 1.5, full_speed: bool = False) -> None:
+    def __init__(
+        self, elf: Path, cycles_per_instruction: float = 1.5, full_speed: bool = False, skips: bool = True
+    ) -> None:
+        """``skips``: the turns of a loop that waits are not emulated one by one (`turns`)."""
+        self._skips = skips
         self._segments = flash_segments(elf)
         self._cycles_per_instruction = cycles_per_instruction
         self._full_speed = full_speed
@@ -29,7 +34,7 @@ class Sam3x:
         self._power(POWER_UP)
 
     def _power(self, cause: int) -> None:
-        self.cpu = cpu = Cpu(self._cycles_per_instruction)
+        self.cpu = cpu = Cpu(self._cycles_per_instruction, self._skips)
         for address, data in self._segments:
             cpu.uc.mem_write(address, data)
         self.pmc, self.pwm, self.adc, self.supply = Pmc(), Pwm(), Adc(), Supply()

@@ -6,20 +6,23 @@ as the ARMv7-M manual (B1.5) describes. Time is counted in instructions, each a 
 
 from __future__ import annotations
 
+import ctypes
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Protocol
 
 import unicorn
 from unicorn import arm_const
+
+from tests.firmware.sam3x.system_control import SYSTICK, SystemControl
+from tests.firmware.sam3x.turns import Turns
 
 CLOCK_HZ = 84_000_000
 #: Instructions between two looks at exceptions; it is `QUIET` times as many while none runs or waits.
 QUANTUM = 64
 QUIET = 4
 EXCEPTION_RETURN = 0xFFFF_FFF8
-SYSTICK = 15
-NEVER = 1 << 62
+MEMORY = 96 * 1024
 
 _FRAME = (
     arm_const.UC_ARM_REG_R0, arm_const.UC_ARM_REG_R1, arm_const.UC_ARM_REG_R2, arm_const.UC_ARM_REG_R3,
@@ -32,6 +35,9 @@ class Block(Protocol):
 
     def read(self, offset: int) -> int: ...
     def write(self, offset: int, value: int) -> None: ...
+    def keeps(self, offset: int) -> bool:
+        """Whether a read changes nothing and gives the same until an event or a write."""
+        ...
 
 
 class Timed(Protocol):
@@ -42,87 +48,10 @@ class Timed(Protocol):
     def fire(self) -> None: ...
 
 
-class SystemControl:
-    """SysTick, NVIC and the priorities of the system exceptions, at E000E000."""
-
-    def __init__(self, cpu: Cpu) -> None:
-        self._cpu = cpu
-        self.enabled = 0
-        self.pending = 0
-        self.lines = 0  # requests that peripherals hold up
-        self.priority = bytearray(256)  # by exception number; the upper four bits count
-        self.vectors = 0x0008_0000
-        self.systick_control = 0
-        self.systick_reload = 0
-        self.systick_pending = False
-        self.due = NEVER
-
-    def fire(self) -> None:
-        self.due += self.systick_reload + 1
-        self.systick_control |= 1 << 16
-        self.systick_pending = bool(self.systick_control & 2)
-
-    def read(self, offset: int) -> int:
-        if offset == 0x10:
-            value, self.systick_control = self.systick_control, self.systick_control & 7
-            return value
-        if offset == 0x14:
-            return self.systick_reload
-        if offset == 0x18:
-            return max(0, self.due - self._cpu.cycles) if self.due != NEVER else 0
-        if offset in (0x100, 0x104, 0x180, 0x184):
-            return self.enabled >> 32 * (offset % 8 // 4) & 0xFFFF_FFFF
-        if offset in (0x200, 0x204):
-            return (self.pending | self.lines) >> 32 * (offset % 8 // 4) & 0xFFFF_FFFF
-        if 0x400 <= offset < 0x430:
-            return int.from_bytes(self.priority[offset - 0x3F0 : offset - 0x3EC], "little")
-        if offset == 0xD04:
-            return int(self.systick_pending) << 26
-        if offset == 0xD08:
-            return self.vectors
-        return 0
-
-    def write(self, offset: int, value: int) -> None:
-        shift = 32 * (offset % 8 // 4)
-        if offset == 0x10:
-            self.systick_control = value & 7
-            self.due = self._cpu.cycles + self.systick_reload + 1 if value & 1 else NEVER
-        elif offset == 0x14:
-            self.systick_reload = value
-        elif offset in (0x100, 0x104):
-            self.enabled |= value << shift
-        elif offset in (0x180, 0x184):
-            self.enabled &= ~(value << shift)
-        elif offset in (0x200, 0x204):
-            self.pending |= value << shift
-        elif offset in (0x280, 0x284):
-            self.pending &= ~(value << shift)
-        elif offset == 0xD04:
-            self.systick_pending &= not value & 1 << 25
-        elif offset == 0xD08:
-            self.vectors = value
-
-    def write_priority(self, number: int, data: bytes) -> None:
-        for i, byte in enumerate(data):
-            self.priority[number + i] = byte & 0xF0
-
-    def waiting(self) -> tuple[int, int] | None:
-        """The most urgent exception that waits: its priority and its number."""
-        best = (self.priority[SYSTICK], SYSTICK) if self.systick_pending else None
-        ready = (self.pending | self.lines) & self.enabled
-        while ready:
-            number = (ready & -ready).bit_length() - 1
-            ready &= ready - 1
-            one = (self.priority[16 + number], 16 + number)
-            if best is None or one < best:
-                best = one
-        return best
-
-
 class Cpu:
     """The processor and its time. ``cycles_per_instruction`` stretches or shortens it."""
 
-    def __init__(self, cycles_per_instruction: float = 1.5) -> None:
+    def __init__(self, cycles_per_instruction: float = 1.5, skips: bool = True) -> None:
         self.cycles_per_instruction = cycles_per_instruction
         self.cycles = 0
         self.quantum = QUANTUM
@@ -135,9 +64,11 @@ class Cpu:
         self.uc = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
         self.uc.ctl_set_cpu_model(arm_const.UC_CPU_ARM_CORTEX_M3)
         self.uc.mem_map(0x0008_0000, 512 * 1024)
-        self.uc.mem_map(0x2007_0000, 96 * 1024)
+        self._memory = ctypes.create_string_buffer(MEMORY)
+        self.uc.mem_map_ptr(0x2007_0000, MEMORY, unicorn.UC_PROT_ALL, ctypes.addressof(self._memory))
         for base, size in ((0x4000_0000, 0x20_0000), (0xE000_E000, 0x1000)):
             self.uc.mmio_map(base, size, self._read, base, self._write, base)
+        self.turns = Turns(self, self._memory) if skips else None
 
     def add(self, base: int, size: int, block: Block) -> None:
         for page in range(base, base + size, 16):
@@ -164,9 +95,43 @@ class Cpu:
             while (due := min([one.due for one in self.timed])) <= self.cycles:
                 min(self.timed, key=lambda one: one.due).fire()
             quiet = self.system.waiting() is None or self._enter_waiting()
-            quantum = QUIET * self.quantum if quiet and not self._active else self.quantum
-            left = min(until, due) - self.cycles
-            self._step(max(1, min(quantum, int(left / self.cycles_per_instruction))))
+            quiet = quiet and not self._active
+            if quiet and self.turns is not None and self._skip(self.turns, min(until, due)):
+                continue
+            quantum = QUIET * self.quantum if quiet else self.quantum
+            self._step(self._instructions(min(until, due) - self.cycles, quantum))
+
+    def _instructions(self, left: int, quantum: int) -> int:
+        return max(1, min(quantum, int(left / self.cycles_per_instruction)))
+
+    def _took(self, instructions: int) -> int:
+        return max(1, int(instructions * self.cycles_per_instruction))
+
+    def _skip(self, turns: Turns, until: int) -> bool:
+        """Let the time pass up to an event, where the program only waits for one."""
+        if until - self.cycles < 2 * self._took(QUIET * self.quantum):
+            return False
+        end = self.cycles
+
+        def steps() -> Iterator[int]:
+            nonlocal end
+            quantum = QUIET * self.quantum
+            took, ratio = self._took(quantum), self.cycles_per_instruction
+            while int((until - end) / ratio) >= quantum:
+                end += took
+                yield quantum
+            while end < until:
+                instructions = self._instructions(until - end, quantum)
+                end += self._took(instructions)
+                yield instructions
+
+        pc = turns.skip(self._pc, steps)
+        if pc is None:
+            return False
+        self._pc = pc
+        turns.skipped += end - self.cycles
+        self.cycles = end
+        return True
 
     def _step(self, instructions: int) -> None:
         try:
@@ -180,7 +145,7 @@ class Cpu:
             self._leave()
             instructions = (instructions + 1) // 2  # how many ran is not known: half, on average
             self.cycles += 12
-        self.cycles += max(1, int(instructions * self.cycles_per_instruction))
+        self.cycles += self._took(instructions)
 
     def _enter_waiting(self) -> bool:
         """Enter the most urgent exception; false while it has to wait."""
@@ -220,15 +185,27 @@ class Cpu:
         self._pc = state[6] & ~1
         self.uc.reg_write(arm_const.UC_ARM_REG_PC, state[6] | 1)
 
+    def refuses(self) -> bool:
+        """Whether an access that changes something is left out, because a turn is only rehearsed."""
+        return self.turns is not None and self.turns.refuses()
+
     def _read(self, _: object, offset: int, size: int, base: int) -> int:
         address = base + offset
+        found = self._blocks.get(address & ~15)
+        rehearsal = None if self.turns is None else self.turns.rehearsal
+        if rehearsal is not None:
+            rehearsal.reads.append(address)
+            if base == 0xE000_E000 or not (found is None or found[1].keeps(address - found[0] & ~3)):
+                self.refuses()
+                return 0
         if base == 0xE000_E000:
             return self.system.read(offset)
-        found = self._blocks.get(address & ~15)
         value = 0 if found is None else found[1].read(address - found[0] & ~3)
         return value >> 8 * (address & 3) & (1 << 8 * size) - 1
 
     def _write(self, _: object, offset: int, size: int, value: int, base: int) -> None:
+        if self.refuses():
+            return
         address = base + offset
         if base == 0xE000_E000:
             if 0x400 <= offset < 0x430:

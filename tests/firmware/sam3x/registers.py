@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import ClassVar
 
-from tests.firmware.sam3x.cpu import CLOCK_HZ, NEVER, Cpu
+from tests.firmware.sam3x.cpu import CLOCK_HZ, Cpu
+from tests.firmware.sam3x.system_control import NEVER
 
 
 class Plain:
@@ -20,6 +21,9 @@ class Plain:
 
     def read(self, offset: int) -> int:
         return self.fixed.get(offset, self.words.get(offset, 0))
+
+    def keeps(self, offset: int) -> bool:
+        return True
 
     def write(self, offset: int, value: int) -> None:
         self.words[offset] = value
@@ -66,6 +70,9 @@ class Pio:
         self.changed |= fresh ^ self.levels
         self.levels = fresh
         self._cpu.line(self._irq, bool(self.changed & self.status[0x48]))
+
+    def keeps(self, offset: int) -> bool:
+        return offset != 0x4C
 
     def read(self, offset: int) -> int:
         if offset == 0x3C:
@@ -152,6 +159,9 @@ class Tc(Plain):
         self.ticks += 1
         self.status |= 1 << 4
         self._cpu.line(self._irq, bool(self.status & self.mask))
+
+    def keeps(self, offset: int) -> bool:
+        return offset not in (0x10, 0x20, 0xD4)
 
     def read(self, offset: int) -> int:
         if offset == 0x10 and self.due != NEVER:  # counts MCK/2 up to RC

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import deque
 
-from tests.firmware.sam3x.cpu import NEVER, Cpu
+from tests.firmware.sam3x.cpu import Cpu
+from tests.firmware.sam3x.system_control import NEVER
 
 RXRDY, TXRDY, ENDRX, ENDTX, OVRE, TXEMPTY, TXBUFE, RXBUFF = (
     1 << bit for bit in (0, 1, 3, 4, 5, 9, 11, 12)
@@ -102,6 +103,9 @@ class Uart:
         status |= TXBUFE if not words.get(0x10C, 0) and not words.get(0x11C, 0) else 0
         status |= ENDRX if not words.get(0x104, 0) else 0
         return status | (RXBUFF if not words.get(0x104, 0) and not words.get(0x114, 0) else 0)
+
+    def keeps(self, offset: int) -> bool:
+        return offset != 0x18
 
     def read(self, offset: int) -> int:
         if offset == 0x14:

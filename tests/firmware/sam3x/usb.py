@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Generator
 
-from tests.firmware.sam3x.cpu import CLOCK_HZ, NEVER, Cpu
+from tests.firmware.sam3x.cpu import CLOCK_HZ, Cpu
+from tests.firmware.sam3x.system_control import NEVER
 
 IRQ = 40
 FIFO, FIFO_STEP, ENDPOINTS = 0x2018_0000, 0x8000, 10
@@ -155,13 +156,16 @@ class Usb:
 
     def _pop(self, _: object, offset: int, size: int, __: object) -> int:
         """The next byte, wherever in the endpoint's window the access is."""
+        if self._cpu.refuses():
+            return 0
         bank = self.ends[offset // FIFO_STEP].bank
         value = int.from_bytes(bank[:size], "little")
         del bank[:size]
         return value
 
     def _push(self, _: object, offset: int, size: int, value: int, __: object) -> None:
-        self.ends[offset // FIFO_STEP].bank += value.to_bytes(size, "little")
+        if not self._cpu.refuses():
+            self.ends[offset // FIFO_STEP].bank += value.to_bytes(size, "little")
 
     def _take(self, number: int) -> bytes:
         bank = self.ends[number].bank
@@ -183,6 +187,9 @@ class Usb:
         return status
 
     # ---- registers ----
+
+    def keeps(self, offset: int) -> bool:
+        return True
 
     def read(self, offset: int) -> int:
         if offset == 0x804:

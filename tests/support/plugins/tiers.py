@@ -21,6 +21,8 @@ import pytest
 MARKS: Final = ("process", "slow", "campaign", "realtime")
 #: How a file begins whose tests are all campaigns.
 CAMPAIGN: Final = re.compile(r"^pytestmark = .*pytest\.mark\.campaign\b", re.MULTILINE)
+#: A campaign without a time of its own fails after this [s], which a busy machine needs for some.
+CAMPAIGN_TIMEOUT_S: Final = 3600
 #: Processor time of a pure test with its fixtures [s].
 PURE_S: Final = 2.0
 #: Most that a pure test may sleep, all calls together [s].
@@ -101,10 +103,12 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Choose the tests of a run without arguments; campaigns run what users run."""
+    """Choose the tests of a run without arguments; campaigns run what users run, and longer."""
     for item in items:
         if item.get_closest_marker("campaign"):
             item.add_marker(pytest.mark.true_process)
+            if item.get_closest_marker("timeout") is None:
+                item.add_marker(pytest.mark.timeout(CAMPAIGN_TIMEOUT_S))
     if config.stash[_ONLY_PURE]:
         others = [item for item in items if not _is_pure(item)]
         config.hook.pytest_deselected(items=others)
