@@ -53,10 +53,9 @@ if TYPE_CHECKING:
 #: tip takes no straight line that is far slower than its axes (`contid.control.engine.live.tip_line`). 9:
 #: rows of a live stream come by a clock that counts skipped ticks (`contid.control.engine.live.row_clock`).
 #: 10: rows that waited while ticks were skipped count as of when they were expected; the clock of a live
-#: stream that begins again keeps its period (`contid.control.engine.live.producer_clock`); a trajectory stands
-#: while orders, or faults that a client may clear, keep every robot from following it
+#: stream that begins again keeps its period (`contid.control.engine.live.producer_clock`); a trajectory
+#: stands while orders, or faults that a client may clear, keep every robot from following it
 #: (`contid.control.engine.sources`); a body too short to meet itself is kept from that as it gets longer.
-MOTION_RULES: Final = 10
 MOTION_RULES: Final = 10
 #: Data younger than this are never stale: a slow regulator measures at 20 Hz or so.
 STALE_S: Final = 0.1
