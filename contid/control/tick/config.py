@@ -52,7 +52,8 @@ if TYPE_CHECKING:
 #: their live targets were compared with the limits: in each tick of a stop (``kernels/limiter/guard.hpp``); a
 #: tip takes no straight line that is far slower than its axes (`contid.control.engine.live.tip_line`). 9:
 #: rows of a live stream come by a clock that counts skipped ticks (`contid.control.engine.live.row_clock`).
-#: 10: a body too short to meet itself at first is kept from that as it gets longer.
+#: 10: models are asked less often for bodies that are kept apart, and a body too short to meet itself is kept
+#: from that as it gets longer (``extras/clearance``).
 MOTION_RULES: Final = 10
 #: Data younger than this are never stale: a slow regulator measures at 20 Hz or so.
 STALE_S: Final = 0.1
