@@ -90,8 +90,8 @@ class ClearanceGuard:
         rest: actuation of every robot at its rest pose, extra axes at their lower limits.
         parts_of: computes the parts of the body of a robot for its actuation and the known force on its tip
             [N]; the control loop replaces it by what makes an error one of that robot.
-        asks_as_before: by motion rules below 10, models are asked for bodies as often as they were then, which
-            the replay of a question without an answer counts; a body too short to meet itself is not seen again.
+        asks_as_before: by motion rules below 10, models are asked for bodies as often as they were then. The
+            replay of a question without an answer counts that. A short body is not seen again.
     """
 
     def __init__(self, file: RobotFile, clearance: Clearance) -> None:
