@@ -41,11 +41,8 @@ def any_target(
     @wraps(inverse)
     def answer(self: M, target: Target, seed: Actuation) -> Solution:
         tip, mid = target.tip_m, target.mid_m
-        numbers = chain(
-            target.actuation or (), target.arcs or (), tip or (), target.direction or (), mid or (),
-            target.rotation or (), target.load_n,
-        )  # fmt: skip
-        if not all(map(math.isfinite, numbers)):
+        asked = (target.actuation, target.arcs, tip, target.direction, mid, target.rotation, target.load_n)
+        if not all(map(math.isfinite, chain.from_iterable([each for each in asked if each is not None]))):
             return Solution.not_finite(seed, "the target" if target.actuation is None else "a requested axis")
         if target.arcs is not None:
             of_arcs = getattr(self, "of_arcs", None)
@@ -57,7 +54,7 @@ def any_target(
             target = replace(target, arcs=None, actuation=actuation)
         if tip is None:
             return inverse(self, target, seed)
-        if max(map(abs, (*tip, *(mid or ())))) <= FAR_M:
+        if max(map(abs, tip if mid is None else (*tip, *mid))) <= FAR_M:
             found = inverse(self, target, seed)
             if found.converged or not found.residual_m <= tolerance_of(self):  # NaN included
                 return found

@@ -20,10 +20,13 @@ class Looking(Walk):
         super()._moved_with(motions)
 
 
+@pytest.mark.parametrize("as_before", [False, True])
 @pytest.mark.parametrize("close", [False, True])
-def test_a_walk_refuses_as_one_that_looks_at_every_pair_in_every_step(close: bool) -> None:
+def test_a_walk_refuses_as_one_that_looks_at_every_pair_in_every_step(close: bool, as_before: bool) -> None:
     guard = clearance_guard(with_mock(close_hand() if close else load_named("hand")))
     assert guard is not None
+    if as_before:
+        guard.ask_as_before()
     start = {name: (guard.rest[name], ZERO3) for name in guard.arms}
     walk, looking = Walk(guard, start), Looking(guard, start)
     rng = np.random.default_rng(3)

@@ -197,7 +197,8 @@ def test_a_finger_that_folds_on_itself_is_refused_and_one_that_bends_is_not() ->
 
 def test_a_finger_too_short_to_meet_itself_is_refused_when_it_gets_long_enough_to() -> None:
     """Its body is 24 mm long at first, where points that may not meet are 29 mm apart along it."""
-    guard = hand()
+    guard, before = hand(), hand()
+    before.ask_as_before()
     start, folded = np.array([0.002, 0.002]), np.array([0.001, 0.099])
     walk = Walk(guard, {name: (tuple(start.tolist()), ZERO3) for name in guard.arms})
     ways = [tuple((start + k / 100 * (folded - start)).tolist()) for k in range(1, 101)]
@@ -205,6 +206,8 @@ def test_a_finger_too_short_to_meet_itself_is_refused_when_it_gets_long_enough_t
     assert "of itself; clearance.margin_mm is 2" in refused[0]
     reached, _ = walk.configuration["left"]
     assert Dense(guard, "left", reached).own_m(1.2 * np.pi * 8e-3) > 14e-3
+    walk = Walk(before, {name: (tuple(start.tolist()), ZERO3) for name in guard.arms})
+    assert not any(walk.to({"left": (way, ZERO3)}) for way in ways)
 
 
 def test_fingers_that_cross_are_refused_where_tips_at_one_point_are_not() -> None:

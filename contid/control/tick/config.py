@@ -55,7 +55,8 @@ if TYPE_CHECKING:
 #: 10: rows that waited while ticks were skipped count as of when they were expected; the clock of a live
 #: stream that begins again keeps its period (`contid.control.engine.live.producer_clock`); a trajectory
 #: stands while orders, or faults that a client may clear, keep every robot from following it
-#: (`contid.control.engine.sources`); a body too short to meet itself is kept from that as it gets longer.
+#: (`contid.control.engine.sources`); models are asked less often for bodies that are kept apart, and a body
+#: too short to meet itself is kept from that as it gets longer (``extras/clearance``).
 MOTION_RULES: Final = 10
 #: Data younger than this are never stale: a slow regulator measures at 20 Hz or so.
 STALE_S: Final = 0.1

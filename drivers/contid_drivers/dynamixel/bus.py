@@ -143,7 +143,7 @@ class DynamixelBus:
             self._log_late(cyclic, "and are discarded")
 
     def _log_late(self, cyclic: Cyclic, then: str) -> None:
-        """Log that the adapter is late, which is said once."""
+        """Log that the adapter is late; once in a run."""
         self._late_logged = True
         log.warning(
             "%s: answers come after their time-out of %.1f ms %s; set the adapter's "

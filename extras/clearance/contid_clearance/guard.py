@@ -21,7 +21,7 @@ from contid.robot_file.clearance import Clearance, ObstacleDescription
 from contid.robot_file.document import RobotFile
 from contid.targets import ZERO3, Actuation, Vec3
 from contid.units import MM_PER_M, m_to_mm
-from contid_clearance.arm import Arm, ArmParts, body_speeds
+from contid_clearance.arm import Arm, ArmParts, BodySpeeds, body_speeds
 from contid_clearance.body import Body
 from contid_clearance.crossing import crossed_m
 from contid_clearance.distances import Distance, between_bodies, to_itself, to_obstacle
@@ -90,8 +90,8 @@ class ClearanceGuard:
         rest: actuation of every robot at its rest pose, extra axes at their lower limits.
         parts_of: computes the parts of the body of a robot for its actuation and the known force on its tip
             [N]; the control loop replaces it by what makes an error one of that robot.
-        checks_short_bodies: a body too short to meet itself is looked at again as it gets longer; False for
-            recordings of motion rules below 10, where it never was.
+        asks_as_before: by motion rules below 10, models are asked for bodies as often as they were then. The
+            replay of a question without an answer counts that. A short body is not seen again.
     """
 
     def __init__(self, file: RobotFile, clearance: Clearance) -> None:
@@ -112,7 +112,14 @@ class ClearanceGuard:
             for name, arm in self.arms.items()
         }
         self.parts_of: Callable[[str, Actuation, Vec3], ArmParts] = self._parts_of
-        self.checks_short_bodies = True
+        self.asks_as_before = False
+
+    def ask_as_before(self) -> None:
+        """See `asks_as_before`: twice the motion of a body bounds its distances to itself."""
+        self.asks_as_before = True
+        for name, arm in self.arms.items():
+            of_points = arm.speeds.of_points
+            self.arms[name] = replace(arm, speeds=BodySpeeds(of_points, tuple([2.0 * k for k in of_points])))
 
     def _parts_of(self, name: str, actuation: Actuation, load_n: Vec3) -> ArmParts:
         return self.arms[name].parts(actuation, load_n)
@@ -165,7 +172,7 @@ class Shapes:
         parts, others = self._of(robot), self._of(other)
         if robot == other:
             itself = to_itself(parts.whole, margin_m, enough_m)
-            if itself.upper_m == np.inf and not self._guard.checks_short_bodies:
+            if itself.upper_m == np.inf and self._guard.asks_as_before:
                 itself = Distance(np.inf, np.inf, 0.0)
             return Nearest(robot, other, itself, margin_m)
         free = [self._guard.arms[name].tip_free_m > 0.0 for name in pair]

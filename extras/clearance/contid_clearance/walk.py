@@ -123,16 +123,16 @@ class Walk:
 
     def _has_room(self, pair: Pair, nearer_m: float, floor_m: float, sampled: bool) -> bool:
         """True when a pair may come nearer by a way; it is computed anew where its bound does not show it."""
-        bounds = self._near_bounds if sampled else self._bounds
+        bounds, as_before = self._near_bounds if sampled else self._bounds, self._guard.asks_as_before
         if nearer_m == 0.0 or bounds[pair] - nearer_m >= floor_m:
             return True
-        here = (
-            self._shapes.sampled(pair)
-            if sampled
-            else self._shapes.nearest(pair, max(floor_m + nearer_m, LOOK_AHEAD_M))
-        )
+        if sampled and as_before:
+            return False
+        enough_m = floor_m + nearer_m if as_before else max(floor_m + nearer_m, LOOK_AHEAD_M)
+        here = self._shapes.sampled(pair) if sampled else self._shapes.nearest(pair, enough_m)
         bounds[pair] = max(bounds[pair], here.spare_m)
-        self._add_up_anew()
+        if not as_before:
+            self._add_up_anew()
         return here.spare_m - nearer_m >= floor_m
 
     def to(self, goal: Configuration) -> str:
@@ -303,7 +303,7 @@ class Walk:
         if before[1] == after[1]:
             return motion
         # A change of the known load (``[1]``) is a step of the target: only its end is computed.
-        return Motion(*(max(each, 2.0 * RESOLUTION_M) for each in motion))
+        return Motion(max(motion.way_m, 2.0 * RESOLUTION_M), max(motion.change_m, 4.0 * RESOLUTION_M))
 
 
 def _nearer_m(pair: Pair, motions: Motions) -> float:

@@ -52,7 +52,8 @@ class ClearanceWatch(TickStage):
         self._guard = guard
         guard.parts_of = self._parts_of
         self._robots = robots = parts.robots
-        guard.checks_short_bodies = robots.configs[0].motion_rules > 9
+        if robots.configs[0].motion_rules < 10:
+            guard.ask_as_before()
         self._exchange = parts.exchange
         self._follows_trajectory = parts.follows_trajectory
         self._sink = parts.sink

@@ -63,8 +63,8 @@ class StagedRun:
     def __init__(self, loaded: LoadedFile) -> None:
         self.collector = Collector(loaded)
         text = circle_csv(len(loaded.driven), period_s=5.0)
-        if "clearance" in loaded.text:
-            text = apart(text)
+        if "clearance" in loaded.text:  # quick enough that bodies are computed again and again
+            text = apart(circle_csv(len(loaded.driven), period_s=2.5))
         trajectory = read_trajectory(io.StringIO(text), "circle.csv", loaded.driven)
         self.process = VirtualProcess(loaded, 200.0, self.collector, trajectory=trajectory, attended=True)
         self.engine = self.process.engine
