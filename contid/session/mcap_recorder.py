@@ -33,7 +33,7 @@ from contid.control.engine.tick_layout import DEADLINE
 from contid.control.process.ring_reader import DatedEvent, RingReader
 from contid.errors import ContidError
 from contid.session.format.header import END, NPZ, Attached, RecorderJob
-from contid.session.write import FileIdentity, SessionWriter, compact
+from contid.session.write import SessionWriter, compact
 
 READY: Final = "ready"
 #: Begin of a line with the number of ticks that are missing in the file, because the disk was too slow.
@@ -53,7 +53,11 @@ _NICE_COMPACTING: Final = 10
 
 
 class McapRecorder:
-    """Writes the records of a ring to a file; raises `ContidError` where it cannot create it."""
+    """Writes the records of a ring to a file; raises `ContidError` where it cannot create it.
+
+    Attributes:
+        status: of the file, as of `SessionWriter`.
+    """
 
     def __init__(self, job: RecorderJob) -> None:
         self._reader = RingReader(job.ring)
@@ -62,6 +66,7 @@ class McapRecorder:
         except BaseException:
             self._reader.close()
             raise
+        self.status = self._writer.status
         self._period_s = 1.0 / job.header.layout.rate_hz
         self._next_s = 0.0
         self._taken = self._reader.skip() if job.during_run else 0
@@ -102,11 +107,6 @@ class McapRecorder:
         if not finished and not self._ended:
             self._writer.event(RecorderFailed(message="the control process ended unexpectedly"))
         self._writer.finish()
-
-    @property
-    def identity(self) -> FileIdentity:
-        """Of the file that it writes."""
-        return self._writer.identity
 
     def listen(self, descriptor: int) -> None:
         """Take trajectories of the daemon's later orders from its pipe."""
@@ -232,7 +232,7 @@ def main() -> int:
     if os.getppid() != daemon:  # the daemon, which removes the ring, has ended
         job.ring.unlink(missing_ok=True)
     try:
-        compact(job.path, recorder.identity)
+        compact(job.path, recorder.status)
     except ContidError as error:
         _answer(f"complete, but not compacted: {error}")
     return 0

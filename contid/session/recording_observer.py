@@ -188,7 +188,7 @@ class RecordingObserver:
                 writer.finish()
             finally:
                 writer.close()
-            compact(self.path, writer.identity)
+            compact(self.path, writer.status)
         if self._process is None:
             return ()
         return self._close(COMPACTION_TIMEOUT_S)

@@ -16,7 +16,7 @@ import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from contid.control.engine.events import RunEvent
 from contid.control.engine.events.json_form import to_json
@@ -38,37 +38,21 @@ MOVED: Final = "it was moved meanwhile; `contid session repair` compacts it wher
 _EVENT_ID: Final = CHANNELS.index(EVENT) + 1
 
 
-def compact(path: Path, written: FileIdentity) -> None:
+def compact(path: Path, written: os.stat_result) -> None:
     """Compress and index a complete session in its place; without the extra `sessions` it stays as it is.
 
     Args:
         path: where it was begun.
-        written: the file that was written there; another one, of a run after it was moved, stays untouched.
+        written: status of the file that was written there; another one, of a later run, stays untouched.
 
     Raises:
         ContidError: it cannot be written, or it was moved; both files are unchanged.
     """
-    try:
-        moved = identity_of(path.stat()) != written
-    except OSError:
-        moved = True
-    if moved:
+    if not path.exists() or not os.path.samestat(path.stat(), written):
         raise ContidError(f"{path}: {MOVED}")
     compacted = load_one(RECORDINGS, "compact")
     if compacted is not None:
         compacted(path)
-
-
-class FileIdentity(NamedTuple):
-    """What stays of a file that is moved: device and inode."""
-
-    device: int
-    inode: int
-
-
-def identity_of(found: os.stat_result) -> FileIdentity:
-    """The identity of a file by its status."""
-    return FileIdentity(found.st_dev, found.st_ino)
 
 
 def exists_error(path: Path) -> ContidError:
@@ -81,7 +65,7 @@ class SessionWriter:
 
     Attributes:
         path: where it was begun.
-        identity: of the file, wherever it is moved.
+        status: of the file, which tells it from another one when it is moved.
     """
 
     def __init__(self, path: Path, header: Header) -> None:
@@ -102,7 +86,7 @@ class SessionWriter:
             raise exists_error(path) from None
         except OSError as error:
             raise ContidError(f"{path}: cannot record: {error.strerror}") from error
-        self.identity = identity_of(os.fstat(self._file))
+        self.status = os.fstat(self._file)
         with suppress(OSError):  # a file system without locks
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         #: Messages since the last write, and the time of the first of them.

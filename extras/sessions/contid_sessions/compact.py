@@ -20,7 +20,7 @@ from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import CHANNELS, EVENT, TICK_CHANNELS
 from contid.session.format.entries import DAMAGED, GROWING
 from contid.session.format.record_stream import RecordStream
-from contid.session.write import MOVED, PRIVATE, exists_error, identity_of
+from contid.session.write import MOVED, PRIVATE, exists_error
 from contid.whole_file import replacing
 from contid_sessions.indexed_writer import IndexedWriter
 from contid_sessions.measured_channel import MeasuredChannel, ModelFailedError
@@ -61,7 +61,7 @@ def compact(
                 _Compactor(IndexedWriter(new), max_entries, measured).copy(stream, note or {})
                 if stream.damage and max_entries is None:  # the copy would be whole, without what follows
                     raise SessionError(f"{source}: {DAMAGED} ({stream.damage})")
-                if target == source and identity_of(source.stat()) != identity_of(os.fstat(old.fileno())):
+                if target == source and not os.path.samestat(source.stat(), os.fstat(old.fileno())):
                     raise SessionError(f"{source}: {MOVED}")
             break
         except ModelFailedError as error:  # the recording is worth more than what is computed from it
