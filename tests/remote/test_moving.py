@@ -153,6 +153,10 @@ def test_the_commands_talk_to_the_daemon() -> None:
         far = contid("move", "--trajectory", str(running.folder / "far.csv"))
         assert far.returncode == 2
         assert far.stderr.startswith(f"contid: {running.folder / 'far.csv'}:5:1: "), far.stderr
+        (running.folder / "live.csv").write_text("x_mm,y_mm\n50,75\n51,75\n")
+        at_once = contid("move", "--trajectory", str(running.folder / "live.csv"))
+        assert at_once.returncode == 2
+        assert "live.csv:1:1: no column 't_s'" in at_once.stderr
         (running.folder / "utf16.csv").write_text("x_mm,y_mm\n50,75\n", encoding="utf-16")
         garbled = contid("move", "--trajectory", str(running.folder / "utf16.csv"))
         assert garbled.returncode == 2

@@ -56,7 +56,7 @@ def command(
     With --grip axes in current_based_position mode push with less current: `contid move left --grip 0.3`.
     """
     from contid.client import RemoteError
-    from contid.remote.client.move_arguments import columns_and_rows, point, with_other_axes
+    from contid.remote.client.move_arguments import point, rows_to_send, with_other_axes
 
     robots = tuple(part for part in message if "=" not in part)
     added: Mapping[str, GoalOption] = command.added
@@ -91,5 +91,5 @@ def command(
     if trajectory is None:
         target = {} if only_grip or goals else point(message)
     else:
-        columns, rows = columns_and_rows(trajectory)
+        columns, rows = rows_to_send(trajectory)
     send(socket, as_json, request)

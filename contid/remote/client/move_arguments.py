@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
+import os
 import re
+import stat
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Self
+from typing import Any, Final, Self, TextIO
 
 from contid.errors import BadInputError, ContidError, Located
 from contid.remote.client.described_robot import columns_of
+
+#: Of a file whose rows would be followed as fast as they can be sent.
+NO_TIMES: Final = "no column 't_s': a trajectory with times begins with it"
 
 
 def point(arguments: Sequence[str]) -> dict[str, float]:
@@ -74,7 +79,7 @@ class CsvRows:
     """
 
     def __init__(self, name: str, columns: Sequence[str], numbered: Iterator[tuple[int, str]]) -> None:
-        self._name, self._columns, self._numbered = name, columns, numbered
+        self.name, self._columns, self._numbered = name, columns, numbered
         self._timed = "t_s" in columns
         self._lines = array("q")
 
@@ -86,12 +91,12 @@ class CsvRows:
         """The next row."""
         number, line = next(self._numbered, (0, ""))
         if not number and not self._lines:
-            raise BadInputError([Located(self._name, 1, 1, "no rows after the header")])
+            raise BadInputError([Located(self.name, 1, 1, "no rows after the header")])
         if not number:
             raise StopIteration
         self._lines.append(number)
-        live = self._name == "stdin" and not self._timed
-        return _row(Located(self._name, number, 1, ""), line, self._columns, live)
+        live = self.name == "stdin" and not self._timed
+        return _row(Located(self.name, number, 1, ""), line, self._columns, live)
 
     def located(self, message: str) -> str:
         """A message of a daemon, which counts the rows that it got, with the file and its lines.
@@ -103,7 +108,7 @@ class CsvRows:
             index = int(number) - (2 if self._timed else 1)
             return str(self._lines[index]) if 0 <= index < len(self._lines) else number
 
-        message = re.sub(r"(?m)^rows:(\d+)", lambda found: f"{self._name}:{line_of(found[1])}", message)
+        message = re.sub(r"(?m)^rows:(\d+)", lambda found: f"{self.name}:{line_of(found[1])}", message)
         return re.sub(r"\bon line (\d+)", lambda found: f"on line {line_of(found[1])}", message)
 
 
@@ -124,6 +129,26 @@ def columns_and_rows(file: Iterable[str]) -> tuple[list[str], CsvRows]:
         raise ContidError(f"{name}: empty: a header and at least one row are needed")
     columns = [column.strip().strip('"') for column in first[1].removeprefix("\ufeff").split(",")]
     return columns, CsvRows(name, columns, lines)
+
+
+def rows_to_send(file: TextIO) -> tuple[list[str], CsvRows]:
+    """As `columns_and_rows`; rows of a file have times, those of a pipe or a terminal may have none.
+
+    Raises:
+        ContidError: there is no header, or a file has no times.
+    """
+    columns, rows = columns_and_rows(file)
+    # A header that is no text is refused by the daemon, with the reason.
+    if "t_s" not in columns and "".join(columns).isprintable() and _is_file(file):
+        raise BadInputError([Located(rows.name, 1, 1, NO_TIMES)])
+    return columns, rows
+
+
+def _is_file(rows: TextIO) -> bool:
+    try:
+        return stat.S_ISREG(os.fstat(rows.fileno()).st_mode)
+    except OSError:  # it has no number, as text in memory
+        return False
 
 
 def _row(place: Located, line: str, columns: Sequence[str], live: bool) -> list[float]:

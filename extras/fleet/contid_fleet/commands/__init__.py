@@ -160,13 +160,13 @@ def move(
     """Send the robots of one NODE to a point, or along the rows of --trajectory, and hold there."""
     from contid.client import Client
     from contid.errors import ContidError
-    from contid.remote.client.move_arguments import columns_and_rows, point
+    from contid.remote.client.move_arguments import point, rows_to_send
     from contid_fleet.fleet_address import FleetAddress
 
     if (trajectory is None) == (not message):
         raise click.UsageError("give a point (COLUMN=VALUE...) or --trajectory, one of them")
     target = point(message) if trajectory is None else {}
-    followed = None if trajectory is None else columns_and_rows(trajectory)
+    followed = None if trajectory is None else rows_to_send(trajectory)
     refused: list[str] = []
     with _operator(file) as operator, Client(FleetAddress(operator, node), name="fleet move") as client:
         client.acquire(lease, takeover=takeover)

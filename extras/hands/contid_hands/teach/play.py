@@ -14,7 +14,7 @@ from typing import Final
 from contid.client import Client, Code, RemoteError
 from contid.errors import BadInputError, ContidError
 from contid.remote.client.described_robot import columns_of
-from contid.remote.client.move_arguments import columns_and_rows
+from contid.remote.client.move_arguments import NO_TIMES, columns_and_rows
 from contid.robot_file.positions import KeyPath
 from contid_hands.teach.check_targets import check_targets
 from contid_hands.teach.pose_file import PoseFile, SequenceStep
@@ -27,8 +27,6 @@ LOOK_PERIOD_S: Final = 0.25
 ROWS_PER_S: Final = 25.0
 MIN_ROWS: Final = 16
 MAX_ROWS: Final = 2000
-#: Of a trajectory whose rows would be followed as fast as they can be sent.
-NO_TIMES: Final = "no column 't_s': a trajectory with times begins with it"
 #: Of a lease that another client, or time, has ended.
 LOST: Final = "the lease was lost, so that the robots were held, and perhaps moved, by others"
 #: Columns of a robot, and the field of telemetry with what was commanded of them last.
