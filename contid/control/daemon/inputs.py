@@ -67,7 +67,7 @@ class CancellableReader:
         os.close(self._wake_w)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Stream:
     """A live stream after its header.
 
@@ -77,6 +77,7 @@ class Stream:
         descriptor: of the following bytes.
         pending: lines already read, with their numbers.
         number: of the last line read.
+        cut: its last row had no end of line.
     """
 
     parser: RowReader
@@ -84,6 +85,7 @@ class Stream:
     descriptor: int
     pending: tuple[tuple[int, str], ...]
     number: int
+    cut: bool = False
 
 
 def read_file(path: str, robots: Mapping[str, RobotDescription]) -> Trajectory:

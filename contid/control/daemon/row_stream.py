@@ -40,6 +40,7 @@ def ends(stream: Stream, line: str, number: int) -> bool:
     if line.endswith("\n") or stream.parser.is_json or not line.strip():
         return False
     log.warning(f"{stream.name}:{number}:1: {CUT}")
+    stream.cut = True
     return True
 
 
@@ -49,6 +50,7 @@ class LiveRowReader:
     Attributes:
         stream: that they are of.
         rows, refused, followed: all, those that held a robot, those that gave a robot a target.
+        held: robots that their newest row held.
     """
 
     def __init__(self, stream: Stream, preflight: Preflight | None) -> None:
@@ -62,6 +64,7 @@ class LiveRowReader:
         self._parser = stream.parser
         self._preflight = preflight
         self.rows = self.refused = self.followed = 0
+        self.held: set[str] = set()
 
     def row(self, line: str, number: int) -> Rows | None:
         """The row of a line, None for a comment; robots of a wrong row hold until their next good one."""
@@ -70,11 +73,13 @@ class LiveRowReader:
         except BadInputError as error:
             log.warning(f"{error}; holding")
             self._count(refused=True, followed=False)
+            self.held.update(self._parser.robots)
             return Rows(dict.fromkeys(self._parser.robots))
         if row is None:
             return None
         wrong = {} if self._preflight is None else self._preflight.row(row)
         self._count(refused=bool(wrong), followed=len(wrong) < len(row))
+        self.held = self.held - row.keys() | wrong.keys()
         for message in dict.fromkeys(wrong.values()):  # one message for both arms of a chain
             log.warning(f"{self.stream.name}:{number}:1: {message}; holding")
         return Rows({**row, **dict.fromkeys(wrong)})
@@ -85,11 +90,14 @@ class LiveRowReader:
         self.followed += followed
 
     def complete(self, report: RunReport) -> None:
-        """Add what was refused to the report of a run; one that could follow no row has not succeeded."""
+        """Add what was refused to the report of a run; without its last row, or any, it has not succeeded."""
         if self.refused:
             report.problems.append(f"{self.stream.name}: {self.refused} of {self.rows} rows held robots")
         if not self.followed and not report.exit_code:
             report.ending, report.exit_code = f"{self.stream.name}: no row could be followed", 2
+        elif (self.held or self.stream.cut) and not report.exit_code:
+            of = f" of {', '.join(sorted(self.held))}" if self.held else ""
+            report.ending, report.exit_code = f"{self.stream.name}: the last row{of} was not followed", 2
 
 
 class StreamFollower:

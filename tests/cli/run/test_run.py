@@ -79,7 +79,7 @@ def test_nearest_goes_there_all_the_same(robot: Callable[..., Path]) -> None:
 
 def test_a_stream_reports_a_bad_row_and_goes_on(robot: Callable[..., Path]) -> None:
     rows = ["f0.x_mm,f0.y_mm", "50,75", "51,x", "52,75", "500,75", "53,75"]
-    done = contid("run", str(robot(1)), "--virtual", "--json", stdin="\n".join(rows))
+    done = contid("run", str(robot(1)), "--virtual", "--json", stdin="\n".join([*rows, ""]))
     assert done.returncode == 0, done.stderr
     assert "stdin:3:4" in done.stderr
     assert "stdin:5:1" in done.stderr
@@ -131,7 +131,8 @@ def test_a_stream_that_ends_on_a_bad_row_reports_it_and_does_not_follow_it(
     log = tmp_path / "log.csv"
     given = "f0.left_mm,f0.right_mm\n60,75\n" + last
     done = contid("run", str(robot(1)), "--log", str(log), *(["--virtual"] if virtual else []), stdin=given)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 2, done.stderr
+    assert "the last row " + ("of f0 " if message == "holding" else "") + "was not followed" in done.stdout
     assert "stdin:3:" in done.stderr
     assert message in done.stderr
     assert ("stdin: 1 of 2 rows held robots" in done.stdout) == (message == "holding")
