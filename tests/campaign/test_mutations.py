@@ -1,4 +1,4 @@
-"""The deliberate bugs of the campaign fit what they are put into; `test_campaign` shows that it finds them."""
+"""The deliberate bugs of the campaign fit what they are put into; it finds them in `test_campaign`."""
 
 from __future__ import annotations
 
