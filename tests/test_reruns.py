@@ -15,6 +15,8 @@ pytestmark = pytest.mark.process
 ROOT = Path(__file__).parent.parent
 #: Helpers that start daemons, which keep to the clock of this machine.
 DAEMONS = re.compile(r"^from tests\.support\.(daemons|fleets|panels) import", re.MULTILINE)
+#: Of all that are installed, what is needed: each try imports them in every process.
+PLUGINS = ("-p", "no:cacheprovider", "-p", "xdist", "-p", "pytest_rerunfailures")
 HOOKS = """\
 from tests.support.plugins.reruns import (
     pytest_collection_modifyitems, pytest_sessionfinish, pytest_terminal_summary,
@@ -62,10 +64,11 @@ def test_reruns(mark: str, rate: str | None, workers: tuple[str, ...], code: int
         key: value for key, value in os.environ.items() if not key.startswith(("CONTID_", "PYTEST_"))
     }
     environment["PYTHONPATH"] = str(ROOT)
+    environment["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
     if rate is not None:
         environment["CONTID_MAX_RERUN_RATE"] = rate
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *workers],
+        [sys.executable, "-m", "pytest", "-q", *PLUGINS, *workers],
         cwd=tmp_path,
         env=environment,
         capture_output=True,

@@ -25,7 +25,7 @@ def size_of(values: Array) -> float:
 
 def step_lengths(points: Array) -> Array:
     """Distances of each of ``(n, 3)`` points from the one before, shape ``(n - 1,)``."""
-    lengths: Array = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1))
+    lengths: Array = np.sqrt(((points[1:] - points[:-1]) ** 2).sum(axis=1))
     return lengths
 
 

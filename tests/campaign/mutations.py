@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import pytest
@@ -17,7 +18,6 @@ from contid.control.tick import next_command, transitions
 from contid.control.tick import robot_tick as loop
 from contid.control.tick.arming import next_arming
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.limits import AxisLimits
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
 from contid.control.tick.transitions import estop, stay
@@ -43,27 +43,50 @@ class Mutation:
     machine: str = "hand"
 
 
+class OtherLimit:
+    """The compiled checks of a robot, one of them replaced."""
+
+    def __init__(self, guard: Any, limit: Callable[[Sequence[float]], Sequence[float]]) -> None:
+        self._guard, self._limit = guard, limit
+
+    def limit(
+        self, _last: Any, _last_steps: Any, targets: Sequence[float], _target_steps: Any
+    ) -> tuple[tuple[float, ...], tuple[int, ...]]:
+        return tuple(self._limit(targets)), (0,) * len(targets)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._guard, name)
+
+
+def _replace_limit(
+    patch: pytest.MonkeyPatch, limit: Callable[[RobotConfig, Sequence[float]], Sequence[float]]
+) -> None:
+    made = RobotConfig.__post_init__
+
+    def make(config: RobotConfig) -> None:
+        made(config)
+        object.__setattr__(config, "guard", OtherLimit(config.guard, partial(limit, config)))
+
+    patch.setattr(RobotConfig, "__post_init__", make)
+
+
 def _no_limiter(patch: pytest.MonkeyPatch) -> None:
     """Targets go to the devices as they are."""
+    _replace_limit(patch, lambda _, targets: targets)
 
-    def unlimited(
-        _limits: Any, _last: Any, _steps: Any, targets: Sequence[float], _pace: Any
-    ) -> tuple[tuple[float, ...], tuple[int, ...]]:
-        return tuple(targets), (0,) * len(targets)
 
-    patch.setattr(next_command, "limit", unlimited)
+def _coarse(patch: pytest.MonkeyPatch) -> None:
+    """Targets on a grid of a millimetre, where the limiter was."""
+    _replace_limit(patch, lambda _, targets: [round(target, 3) for target in targets])
 
 
 def _gain(patch: pytest.MonkeyPatch) -> None:
     """A gain between model and devices, where the limiter was: the model alone keeps no command inside."""
 
-    def amplified(
-        limits: Sequence[AxisLimits], _last: Any, _steps: Any, targets: Sequence[float], _pace: Any
-    ) -> tuple[tuple[float, ...], tuple[int, ...]]:
-        beyond = [1.3 * min(target, axis.upper) for axis, target in zip(limits, targets, strict=True)]
-        return tuple(beyond), (0,) * len(targets)
+    def amplified(config: RobotConfig, targets: Sequence[float]) -> Sequence[float]:
+        return [1.3 * min(target, axis.upper) for axis, target in zip(config.limits, targets, strict=True)]
 
-    patch.setattr(next_command, "limit", amplified)
+    _replace_limit(patch, amplified)
 
 
 def _one_by_one(patch: pytest.MonkeyPatch) -> None:
@@ -134,7 +157,9 @@ def _shared_fate(patch: pytest.MonkeyPatch) -> None:
 
 MUTATIONS: dict[str, Mutation] = {
     "limiter replaced by a gain": Mutation("position limits", 1, _gain),
-    "limiter removed": Mutation("velocity and acceleration limits", 2, _no_limiter),
+    # What is planned keeps the rates by itself, and not the ends of the travel to the last bit.
+    "limiter removed": Mutation("position limits", 2, _no_limiter),
+    "limiter replaced by a grid": Mutation("velocity and acceleration limits", 2, _coarse),
     "tendons one by one": Mutation("tensions of tendons", 6, _one_by_one, "tendon3"),
     "tolerance ignored": Mutation("fault within the stated ticks", 2, _no_tolerance),
     "watchdog disabled": Mutation("no power without a host", 6, _no_watchdog),

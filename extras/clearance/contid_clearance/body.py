@@ -14,15 +14,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Final, TypeAlias
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contid.kinematics.array import Array, polyline_length
-
-#: Indices of samples along a body.
-Indices: TypeAlias = NDArray[np.integer[Any]]
 
 #: Samples are added, up to `MAX_PIECES` pieces, until the distance bound above is below this for each [m].
 ALLOWANCE_M: Final = 2.5e-5
@@ -90,17 +86,16 @@ class Body:
         return Body(points, self.spacing_m / times, self.radius_m, self.start_m, off_m)
 
     def off_pieces_m(self) -> float:
-        """Greatest distance of the curve from the chords between neighbours [m]."""
+        """Greatest distance of the curve from the chords between neighbours [m].
+
+        A piece of an arc length ``s`` whose ends are ``c`` apart lies in an ellipse of the half axis
+        ``sqrt(s**2 - c**2) / 2``.
+        """
         if self.piece_off_m is not None:
             return self.piece_off_m
-        steps = np.arange(self.pieces)
-        return float(np.max(self.allowance(steps, steps + 1)))
-
-    def allowance(self, first: Indices, last: Indices) -> Array:
-        """Greatest distance of the curve between samples ``first`` and ``last`` from their chord [m]."""
-        chord = self.points[last] - self.points[first]
-        along = (last - first) * self.spacing_m
-        return np.asarray(0.5 * np.sqrt(np.maximum(along**2 - np.einsum("ij,ij->i", chord, chord), 0.0)))
+        chords = self.points[1:] - self.points[:-1]
+        shortest = float(np.einsum("ij,ij->i", chords, chords).min())
+        return 0.5 * math.sqrt(max(self.spacing_m * self.spacing_m - shortest, 0.0))
 
 
 def sampled_body(curve: Callable[[int], Array], radius_m: float) -> Body:

@@ -26,7 +26,7 @@ def crossed_m(a: Body, b: Body) -> float:
 
 def _crossings(p: Array, q: Array) -> tuple[Array, Array]:
     """Where two polylines ``(n, 2)`` cross: the parameters of both, pieces from the start, shape ``(k,)``."""
-    u, v = np.diff(p, axis=0)[:, None], np.diff(q, axis=0)[None]
+    u, v = (p[1:] - p[:-1])[:, None], (q[1:] - q[:-1])[None]
     r = q[None, :-1] - p[:-1, None]
     area = _cross(u, v)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -47,6 +47,6 @@ def _beyond(points: Array, at: float) -> Array:
 
 def _farthest(points: Array, line: Array) -> float:
     """Greatest distance of points ``(n, 2)`` from a polyline [m]."""
-    u, r = np.diff(line, axis=0)[None], points[:, None] - line[None, :-1]
+    u, r = (line[1:] - line[:-1])[None], points[:, None] - line[None, :-1]
     along = np.clip((r * u).sum(axis=2) / np.maximum((u * u).sum(axis=2), 1e-300), 0.0, 1.0)
     return float(np.linalg.norm(r - along[..., None] * u, axis=2).min(axis=1).max())

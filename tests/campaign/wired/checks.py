@@ -133,8 +133,16 @@ def _judge(tally: Tally, wires: Wires, recorded: Path, thrown: Sequence[Injected
         "session complete", [*([] if session.end.clean else [session.end.cut]), *invariants.complete(seen)]
     )
     tally.check("no jump on arming", list(_no_jump(configs, records)))
-    tally.check("session check", list(map(str, check_session(session))))
     by_tick = {record.tick: record.deadline_s for record in records}
+    tally.check(
+        "session check",
+        [
+            str(broken)
+            for broken in check_session(session)
+            # What a body does of which a device is broken is no mistake of the run.
+            if broken.rule != "follow" or not _thrown_at(broken.robot, by_tick[broken.tick], thrown, 0.5)
+        ],
+    )
     faults = [(by_tick.get(e.tick, 0.0), e.robot, e.message) for e in events if isinstance(e, FaultLatched)]
     tally.check("other robots unaffected", list(_unaffected(faults, thrown)))
     tally.check("estop within the tick", list(_estops(configs, records, events)))
@@ -142,12 +150,17 @@ def _judge(tally: Tally, wires: Wires, recorded: Path, thrown: Sequence[Injected
         _detected(tally, injected, records, configs, TIMEOUT_S if len(wires.buses) == 1 else 0.0)
 
 
+def _thrown_at(robot: str, at_s: float, thrown: Sequence[Injected], late_s: float) -> bool:
+    """Whether a switch on a bus of the robot was on, or had been until ``late_s`` ago."""
+    return any(robot in i.robots and i.at_s - 0.05 <= at_s <= i.latest_s + late_s for i in thrown)
+
+
 def _unaffected(faults: list[tuple[float, str, str]], thrown: Sequence[Injected]) -> Iterator[str]:
     """Every fault has a switch on its own bus that was on, or had just been."""
     for at_s, robot, message in faults:
         # A device may latch what ails it between two looks, and refuse to be armed much later.
         late_s = math.inf if "arm-refused" in message else 0.5
-        if not any(robot in i.robots and i.at_s - 0.05 <= at_s <= i.latest_s + late_s for i in thrown):
+        if not _thrown_at(robot, at_s, thrown, late_s):
             yield f"{robot}: {message}"
 
 

@@ -65,7 +65,7 @@ class Turn:
 
 @dataclass
 class Rehearsal:
-    """What a turn did: its reads of peripherals, and whether it wanted what a turn that waits does not do."""
+    """What a turn did: its reads of peripherals, and whether it did what a turn that waits does not."""
 
     reads: list[int] = field(default_factory=list)
     refused: bool = False
