@@ -83,7 +83,6 @@ def test_an_arm_that_creeps_is_not_a_load(weighed):
         run.rest(8.0)
         force, sigma = run.found()
         off.append((np.abs(force) / GRAM_N, np.abs(force) / sigma))
-    print("off", off)
     assert off[0][1].max() > 3.0  # grams that are not there, and sure of them
     assert off[1][1].max() < 3.0
     assert off[1][0].max() < 0.4
