@@ -121,7 +121,7 @@ def opened(browser: Browser, served: PanelProcess, **keys: object) -> Iterator[O
 
 
 class Tab:
-    """One page of a browser that tests visit one after another, each as if nobody had been there.
+    """One page of a browser that tests visit one after another, each as the first one.
 
     A page in a context of its own takes 2.5 s of a processor, mostly to start a renderer.
 
@@ -139,7 +139,7 @@ class Tab:
     def opened(
         self, served: PanelProcess, on_websocket: Callable[[WebSocket], None] | None = None
     ) -> Iterator[OpenPage]:
-        """Visit a panel; ``on_websocket`` is told of the connections that the page makes."""
+        """Visit a panel; ``on_websocket`` gets each connection that the page makes."""
         found = OpenPage(self._blank())
         if on_websocket is not None:
             found.page.on("websocket", on_websocket)

@@ -55,7 +55,8 @@ def exported(file: Path) -> Path:
 @pytest.fixture(scope="module")
 def table(exported: Path) -> pd.DataFrame:
     with (exported / "all.csv").open() as lines:
-        return pd.DataFrame(csv.DictReader(lines)).replace("", "nan").astype(float)
+        header, *rows = csv.reader(lines)
+    return pd.DataFrame([[float(each or "nan") for each in row] for row in rows], columns=header)
 
 
 def test_measured_tips_are_the_forward_kinematics_of_the_measured_axes(table: pd.DataFrame) -> None:

@@ -84,8 +84,11 @@ def test_the_fit_is_written_back_with_its_origin(thinned: Path, tmp_path: Path) 
     assert result.exit_code == 0, result.output
     found = json.loads(result.stdout)
     assert found["stages"][0]["name"] == "constant curvature"
-    statics = {stage["name"]: stage for stage in found["stages"]}["+ friction, play"]
+    stages = {stage["name"]: stage for stage in found["stages"]}
+    statics = stages["+ friction, play"]
     assert statics["train"]["rmse_mm"] < 4.0
+    off_mm = {name: stage["held_out"]["rmse_mm"] for name, stage in stages.items()}
+    assert off_mm["+ friction, play"] < 0.6 * off_mm["constant curvature"]
     assert statics["held_out"]["rows"] == round(
         0.2 * (statics["held_out"]["rows"] + statics["train"]["rows"])
     )

@@ -29,7 +29,7 @@ def test_servos_are_assigned_to_the_sections_that_the_authors_print() -> None:
         assert abs(measured - angle) < 0.2
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 def test_pairs_of_sections_are_predicted_from_pulls_and_single_sections() -> None:
     """Fitted to single tendons and sections, the statics predict pairs; constant curvature does not."""
     recording = excerpt()

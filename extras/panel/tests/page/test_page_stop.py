@@ -208,13 +208,12 @@ def test_a_robot_file_that_changed_is_reported_until_a_restart(drawn: OpenPage, 
     file = running.folder / "fingers.yaml"
     file.write_text(file.read_text().replace("length_mm: [0, 100]", "length_mm: [0, 90]"))
     drawn.page.reload()
-    note = drawn.page.locator("#view-note", has_text="has changed since the daemon read it")
-    note.wait_for()
+    drawn.page.locator("#view-note").get_by_text("has changed since the daemon read it").wait_for()
     running.process.kill()
     running.process.wait()
     with restarted(running):
         drawn.state("f0", "READY")
-        note.wait_for(state="detached")
+        drawn.page.wait_for_selector("#view-note", state="hidden")
 
 
 def test_events_have_their_reasons(it: OpenPage, running: Running) -> None:
