@@ -65,7 +65,7 @@ class SessionWriter:
 
     Attributes:
         path: where it was begun.
-        status: of the file, which tells it from another one when it is moved.
+        status: of the file, by which it is known when it is moved.
     """
 
     def __init__(self, path: Path, header: Header) -> None:

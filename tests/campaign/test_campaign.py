@@ -14,11 +14,10 @@ from tests.campaign.campaign import campaign
 from tests.campaign.mutations import MUTATIONS
 from tests.campaign.script import machines
 
-pytestmark = pytest.mark.campaign
-
 CASES = int(os.environ.get("CONTID_CAMPAIGN_CASES", "24"))
 
 
+@pytest.mark.campaign
 def test_no_fault_in_any_state_makes_anything_unsafe() -> None:
     tally = campaign(CASES, seed=int(os.environ.get("CONTID_CAMPAIGN_SEED", "1")))
     print(tally.table())
@@ -26,6 +25,13 @@ def test_no_fault_in_any_state_makes_anything_unsafe() -> None:
     assert not sum(tally.violations.values()), "\n".join(tally.message)
 
 
+@pytest.mark.parametrize("bug", MUTATIONS)
+def test_a_deliberate_bug_can_be_put_in_place(bug: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    MUTATIONS[bug].apply(monkeypatch)
+    assert MUTATIONS[bug].machine in {machine.name for machine in machines()}
+
+
+@pytest.mark.campaign
 @pytest.mark.parametrize("bug", MUTATIONS)
 def test_a_deliberate_bug_is_found(bug: str, monkeypatch: pytest.MonkeyPatch) -> None:
     MUTATIONS[bug].apply(monkeypatch)
