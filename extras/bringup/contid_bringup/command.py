@@ -100,7 +100,7 @@ def _write(path: Path, loaded: LoadedFile, records: Sequence[ProvenAxis], page: 
     from contid_bringup.record import write_page, write_section
 
     when = datetime.now().astimezone()
-    write_section(path, loaded, records, when)
+    write_section(path, records, when)
     written = Path(page) if page else path.with_name(f"{path.stem}-bringup.html")
     write_page(written, path, loaded, records, when)
     click.echo(f"written: bringup: in {path}; {written}", err=True)

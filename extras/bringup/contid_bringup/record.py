@@ -35,14 +35,14 @@ class ProvenAxis(NamedTuple):
     fit: DriveFit | None = None
 
 
-def write_section(path: Path, loaded: LoadedFile, records: Sequence[ProvenAxis], when: datetime) -> None:
-    """Write the axes into ``bringup:`` of the robot file; those of earlier bring-ups stay.
+def write_section(path: Path, records: Sequence[ProvenAxis], when: datetime) -> None:
+    """Write the axes into ``bringup:`` of the robot file; those of other bring-ups stay, also of one meanwhile.
 
     Raises:
         ContidError: the file cannot be written.
     """
     section: dict[str, Mapping[str, str | float]] = {
-        name: each.model_dump(exclude_none=True) for name, each in loaded.file.bringup.items()
+        name: each.model_dump(exclude_none=True) for name, each in load_robot_file(path).file.bringup.items()
     }
     section |= {record.axis: _entry(record, when) for record in records}
     set_values(path, [Change("bringup", section)])
