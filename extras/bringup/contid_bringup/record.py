@@ -36,7 +36,7 @@ class ProvenAxis(NamedTuple):
 
 
 def write_section(path: Path, records: Sequence[ProvenAxis], when: datetime) -> None:
-    """Write the axes into ``bringup:`` of the robot file; those of other bring-ups stay, also of one meanwhile.
+    """Write the axes into ``bringup:`` of the robot file; those of other bring-ups stay, newest ones too.
 
     Raises:
         ContidError: the file cannot be written.
