@@ -34,11 +34,11 @@ class Timed:
     by an order, is not waited for), and counts ticks: time ``start + n/rate``, so a row written at a tick is
     met exactly. Skipped ticks are not counted, so robots stay on the path. Starts and ends at speed are
     eased (`contid.control.tick.soft_start`). Once every robot that follows it was stopped, one by one, by
-    name or by a fault that a client may clear, it stands until one follows again.
+    name or by a fault, it stands until one follows again, where a client may let them go on.
 
     Attributes:
         waits: it stays at its first row.
-        attended: a client may let a robot in FAULT go on.
+        attended: a client may let robots go on that were stopped.
         within_reach: its targets were found within reach.
         time_s: time in the trajectory [s].
         finished: it has ended, and every robot has reached its last target.
@@ -83,11 +83,10 @@ class Timed:
     def watch(self, tick: int, states: Sequence[RobotState]) -> None:
         """After a tick: start the clock when every robot has arrived; detect the end."""
         followers = [states[index] for index in self._robots if states[index].follow]
-        if self._waits_for_orders and not followers:
-            if self.attended or all(states[index].mode is not Mode.FAULT for index in self._robots):
-                self._base, self._origin, self._ended_at = self._position(tick), None, None
-                return
-        elif self._waits_for_orders and len(followers) == len(self._robots):
+        if self._waits_for_orders and self.attended and not followers:
+            self._base, self._origin, self._ended_at = self._position(tick), None, None
+            return
+        if self._waits_for_orders and len(followers) == len(self._robots):
             self._paused = False  # each was resumed by its name
         if self._ended_at is not None:
             still = all(state.command == state.reference for state in followers)
