@@ -9,6 +9,7 @@ import pytest
 
 from contid import Sim
 from contid.control.engine.cycle import Sink
+from contid.control.engine.virtual import Tee
 from contid.robot_file.load import load_named, with_mock
 from contid_sessions.recording_size import predicted_size
 
@@ -24,7 +25,8 @@ def test_a_prediction_is_the_size_of_a_recording_of_the_same_motion(tmp_path: Pa
 
     def run(sink: Sink) -> None:
         sim = Sim("finger")
-        sim._sink.sinks.append(sink)  # type: ignore[attr-defined]  # no recording of its own
+        sim._sink = Tee([sim, sink])  # no recording of its own
+        sim.reset()
         _moved(sim, 300)
 
     size = predicted_size(loaded, 200.0, run)

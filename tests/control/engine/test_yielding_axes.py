@@ -47,7 +47,7 @@ def follow(fault: str, share: float = 1.0, rows: str = WAY) -> RunReport:
     loaded = parse_robot_file(text.replace("device: servo,", "device: servo, overload_s: 60,"), "f.yaml")
     orders: dict[int, list[Message]] = {20: [Grip(share)]}
     way = read_trajectory(io.StringIO(rows), "way", loaded.driven)
-    return run_virtual(loaded, RATE, way, orders=orders)
+    return run_virtual(loaded, RATE, way, orders=orders, ticks=1200)
 
 
 @pytest.mark.usefixtures("yielding")

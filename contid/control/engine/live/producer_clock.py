@@ -32,6 +32,8 @@ OFF_S: Final = 0.1
 #: How long gaps agree on another period before it is taken [s]: longer than a busy machine stands still.
 CHANGED_S: Final = 0.06
 CHANGED_GAPS: Final = 3
+#: How long after it began a clock does not learn a shorter period from rows that come early [s].
+CAUGHT_UP_S: Final = 0.2
 #: Ticks after which a row does not belong to those that arrived together, and bursts that are left out.
 QUEUED_TICKS: Final = 1.5
 BURSTS: Final = 3
@@ -156,8 +158,10 @@ class ProducerClock:
         """Take the row into the fit."""
         learnt, period_s = self.period_s > 0.0, self.period_s or self._fitted_s
         ahead_s = self.meant_s + rows * period_s
-        off_s = now_s - ahead_s
+        off_s, catching_up = now_s - ahead_s, now_s - self._began_s < CAUGHT_UP_S
         if learnt and abs(off_s) > max(OFF_PERIODS * period_s, OFF_S) + self.late_s:
+            if off_s < 0.0 and not catching_up:  # rows that come ever earlier have a shorter period
+                self._rows = 0
             return self._begin(now_s, period_s, 0 if self._keeps_period else max(self.newest + rows, used))
         self.newest += rows
         self._rows += 1
@@ -165,7 +169,7 @@ class ProducerClock:
         if learnt and self._rejects_queued:
             # One late row has a bounded weight; those that waited behind it are the same lateness again.
             off_s = min(off_s, self._tick_s if gap_s <= self._tick_s else period_s)
-            if self._keeps_period:  # and early ones, as those that catch up after it
+            if self._keeps_period and catching_up:
                 off_s = max(off_s, -period_s)
         k = float(self._rows)
         if period_s > 0.0:
