@@ -24,7 +24,7 @@ class ContidError(Exception):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled without its constructor, whose arguments are not those of `Exception`."""
-        return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
+        return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]  # not in its stubs
 
 
 @dataclass(frozen=True, slots=True)

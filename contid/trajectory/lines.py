@@ -9,6 +9,10 @@ from contid.units import MAX_LINE
 
 #: Most rows begin with one of these; such a line is no comment.
 _BEGINS: Final = frozenset("0123456789-")
+#: Of a live stream that ends amid a row, as where its producer was killed.
+CUT: Final = "the last row has no end of line and may be cut off: not followed"
+#: Of a trajectory without a column of times.
+NO_TIMES: Final = "no column 't_s': a trajectory with times begins with it"
 
 
 def numbered_lines(stream: TextIO) -> Iterator[tuple[int, str]]:

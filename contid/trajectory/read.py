@@ -12,8 +12,8 @@ import numpy as np
 
 from contid.errors import BadInputError, Located
 from contid.robot_file.robot import RobotDescription
-from contid.trajectory.columns import TIME, ColumnLayout
-from contid.trajectory.lines import lines_from_header, numbered_lines
+from contid.trajectory.columns import ColumnLayout
+from contid.trajectory.lines import NO_TIMES, lines_from_header, numbered_lines
 from contid.trajectory.rows import MAX_NUMBER, MAX_ROWS, RowReader
 from contid.trajectory.spline import Floats
 from contid.trajectory.timed import Interpolation, Trajectory
@@ -86,8 +86,7 @@ def _read(
                 reader = RowReader(given, name, robots, number)
                 readers.append(reader)
                 if not reader.timed:
-                    message = f"no column {TIME!r}: a trajectory with times begins with it"
-                    raise BadInputError([Located(name, number, 1, message)])
+                    raise BadInputError([Located(name, number, 1, NO_TIMES)])
                 if not reader.is_json:
                     continue
             row = reader.row(given, number)

@@ -19,7 +19,7 @@ from contid.control.engine.messages import Message, Rows
 from contid.control.engine.report import RunReport
 from contid.control.tick.preflight.rows import Preflight
 from contid.errors import BadInputError
-from contid.trajectory.lines import is_comment
+from contid.trajectory.lines import CUT, is_comment
 from contid.units import MAX_LINE
 
 #: Time for rows that arrived together, less than a tick of 200 Hz. A row of a finger takes 0.1 ms; a machine
@@ -27,8 +27,6 @@ from contid.units import MAX_LINE
 BUDGET_S: Final = 4e-3
 #: Pause after a turn that used its time, or as long as the turn took: the event loop serves the others.
 PAUSE_S: Final = 5e-3
-
-CUT: Final = "the last row has no end of line and may be cut off: not followed"
 
 log = logging.getLogger(__name__)
 

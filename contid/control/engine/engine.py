@@ -179,8 +179,7 @@ class Engine:
         now_s = step / self._rate_hz
         source = selector.source
         live = isinstance(source, Live)
-        self.costs.watch(True)
-        try:
+        with self.costs.watched:
             targets = selector.targets(step, now_s, timing.skipped / self._rate_hz)
             for stage in self._before:
                 try:
@@ -188,8 +187,6 @@ class Engine:
                 except Exception as error:  # an error in a stage must not stop the robots of others
                     self._fail(stage, error, now_s)
             outcomes = self._ticks(targets, now_s, live)
-        finally:
-            self.costs.watch(False)
         for stage in self._after:
             try:
                 stage.after(outcomes, targets, now_s)

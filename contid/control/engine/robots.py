@@ -129,7 +129,7 @@ class Robots:
             OrderRefusedError: its state does not allow it.
         """
         config, state = self.configs[index], self.states[index]
-        with self.costs.watched():
+        with self.costs.watched:
             after = self.ask(index, now_s, order, config, state, now_s)
         if after is not None:
             self.states[index] = after

@@ -38,7 +38,6 @@ class Timed:
 
     Attributes:
         waits: it stays at its first row.
-        attended: a client may let robots go on that were stopped.
         within_reach: its targets were found within reach.
         time_s: time in the trajectory [s].
         finished: it has ended, and every robot has reached its last target.
@@ -62,7 +61,7 @@ class Timed:
         self._slowed = 0.0  # ticks by which it is later since its clock started, because a body was behind
         self._paused = False
         self._waits_for_orders = all(config.motion_rules > 9 for config in self._configs)
-        self.waits, self.attended = waits, False
+        self.waits = waits
         self.within_reach = trajectory.within_reach
         self._ended_at: int | None = None
         self.time_s = trajectory.start_s
@@ -80,10 +79,13 @@ class Timed:
         self.time_s = time_s
         return trajectory.targets_at(time_s)
 
-    def watch(self, tick: int, states: Sequence[RobotState]) -> None:
-        """After a tick: start the clock when every robot has arrived; detect the end."""
+    def watch(self, tick: int, states: Sequence[RobotState], attended: bool = False) -> None:
+        """After a tick: start the clock when every robot has arrived; detect the end.
+
+        ``attended``: a client may let robots go on that were stopped.
+        """
         followers = [states[index] for index in self._robots if states[index].follow]
-        if self._waits_for_orders and self.attended and not followers:
+        if attended and self._waits_for_orders and not followers:
             self._base, self._origin, self._ended_at = self._position(tick), None, None
             return
         if self._waits_for_orders and len(followers) == len(self._robots):
@@ -183,7 +185,7 @@ class Live:
                 )
         return {} if self._paused else given
 
-    def watch(self, tick: int, states: Sequence[RobotState]) -> None:
+    def watch(self, tick: int, states: Sequence[RobotState], attended: bool = False) -> None:
         """At the end of the stream, wait until the last row is reached."""
         if self._ended:
             self.finished = not any(

@@ -90,12 +90,8 @@ class TargetSelector:
 
     def rows(self, targets: Mapping[str, Target | None], now_s: float, skipped_s: float) -> None:
         """A row of a live stream arrived; times as of `targets`."""
-        watch = self._robots.costs.watch
-        watch(True)
-        try:
+        with self._robots.costs.watched:
             self._live().put(targets, now_s, skipped_s, self._robots.states, self._robots.ask)
-        finally:
-            watch(False)
         self._note(targets, now_s)
 
     def end_of_rows(self) -> None:
@@ -145,10 +141,8 @@ class TargetSelector:
         source = self.source
         if isinstance(source, Live) and tick % STATED_TICKS == 0:
             self._report_delay(source.delay_s, tick)
-        if isinstance(source, Timed):
-            source.attended = self.attended
         if source is not None:
-            source.watch(step, self._robots.states)
+            source.watch(step, self._robots.states, self.attended)
             if source.finished and not self.ended:
                 self._end_with_source(tick, now_s)
         if self.attended or self.finishing:

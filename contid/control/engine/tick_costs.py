@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 
 from contid.control.tick.faults import Fault
 
@@ -35,6 +34,7 @@ class TickCosts:
         running: index of the robot whose tick runs, -1 for none.
         begun: ticks of robots begun so far.
         watch: called with True before what may ask models, with False after it; one part may be in another.
+        watched: the context of what may ask models: one that takes too long is interrupted.
         robot_at_work: one number that other processes see: of the robot that computes or did last, from 1 on,
             and 0 after the ticks of all robots.
     """
@@ -47,19 +47,24 @@ class TickCosts:
         self.running = -1
         self.begun = 0
         self.watch: Callable[[bool], None] = lambda begins: None
+        self.watched = _Watched(self)
         self.robot_at_work: memoryview[int] | list[int] = [0]
-
-    @contextmanager
-    def watched(self) -> Iterator[None]:
-        """Where models are asked: one that takes too long is interrupted."""
-        self.watch(True)
-        try:
-            yield
-        finally:
-            self.watch(False)
 
     def begin(self, index: int) -> None:
         """The tick of a robot begins."""
         self.begun += 1
         self.running = index
         self.robot_at_work[0] = index + 1
+
+
+class _Watched:
+    """See `TickCosts.watched`; one for all ticks, as a generator each costs more than it watches."""
+
+    def __init__(self, costs: TickCosts) -> None:
+        self._costs = costs
+
+    def __enter__(self) -> None:
+        self._costs.watch(True)
+
+    def __exit__(self, *error: object) -> None:
+        self._costs.watch(False)

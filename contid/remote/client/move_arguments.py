@@ -9,13 +9,11 @@ import stat
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Final, Self, TextIO
+from typing import Any, Self, TextIO
 
 from contid.errors import BadInputError, ContidError, Located
 from contid.remote.client.described_robot import columns_of
-
-#: Of a file whose rows would be followed as fast as they can be sent.
-NO_TIMES: Final = "no column 't_s': a trajectory with times begins with it"
+from contid.trajectory.lines import CUT, NO_TIMES
 
 
 def point(arguments: Sequence[str]) -> dict[str, float]:
@@ -153,8 +151,7 @@ def _is_file(rows: TextIO) -> bool:
 
 def _row(place: Located, line: str, columns: Sequence[str], live: bool) -> list[float]:
     if live and not line.endswith("\n"):
-        message = "the last row has no end of line and may be cut off: not followed"
-        raise BadInputError([replace(place, message=message)])
+        raise BadInputError([replace(place, message=CUT)])
     cells = line.rstrip().split(",")
     if len(cells) != len(columns):
         message = f"the row has {len(cells)} values, the header {len(columns)} columns"

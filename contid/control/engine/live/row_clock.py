@@ -46,6 +46,7 @@ class RowClock(ProducerClock):
         rate_per_s: rows played per second.
         stop: the motion of the phase to rest; None while rows are played, and once it stands.
         stands: the phase came to rest on a row.
+        stop_rates: greatest acceleration and jerk of the stop [1/s^2, 1/s^3].
         resumes: rows came during the stop.
     """
 
@@ -55,7 +56,7 @@ class RowClock(ProducerClock):
         self.phase, self.rate_per_s, self._acceleration = -LAG, 0.0, 0.0
         self.stop: MovingAxes | None = None
         self.stands = self.resumes = False
-        self._stop_rates = (0.0, 0.0)
+        self.stop_rates = (0.0, 0.0)
         self._farthest_s = 2.0 * SPARSE_S if self._keeps_period else SPARSE_S
         self._plays_longest = rules > 5
         self._margin_s = MARGIN * tick_s
@@ -138,18 +139,17 @@ class RowClock(ProducerClock):
         self.phase += self.rate_per_s * self._tick_s
         return self.phase
 
-    def come_to_rest(self, acceleration: float, jerk: float, forward: bool = False) -> bool:
+    def come_to_rest(self, forward: bool = False) -> bool:
         """One tick of the motion of the phase to rest on the newest row; True when it is there.
 
         A clock without a period has no such motion: its rows are targets of their own.
 
         Args:
-            acceleration: greatest one of the phase [1/s^2].
-            jerk: greatest one [1/s^3].
-            forward: from rest where the phase ran backwards, after a change of the period, and within
-                ``acceleration``.
+            forward: from rest where the phase ran backwards, after a change of the period, and within the
+                acceleration of the stop.
         """
-        self.resumes, self._stop_rates = False, (acceleration, jerk)
+        self.resumes = False
+        acceleration, jerk = self.stop_rates
         row, rate = float(self.newest), 1.0 / self.period_s
         now = self.stop or self._begin_of_stop(acceleration, forward)
         top = 2.0 * max(abs(now.velocity[0]), rate)
@@ -179,7 +179,7 @@ class RowClock(ProducerClock):
         rate = (1.0 + self._behind_s / MADE_UP_S) / self.period_s
         lost = abs(now.velocity[0] - rate)
         state = MovingAxes(now.position, (now.velocity[0] - rate,), now.acceleration)
-        most = AxisRates((2.0 * max(lost, rate),), *[(each,) for each in self._stop_rates])
+        most = AxisRates((2.0 * max(lost, rate),), *[(each,) for each in self.stop_rates])
         after = braked(state, most, self._tick_s, together=False)
         if after is None or abs(after.velocity[0]) < _THERE * rate:
             self.stop = None

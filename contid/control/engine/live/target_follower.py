@@ -56,7 +56,6 @@ class TargetFollower:
         self._line_s = 0.0
         self._jumped = False
         self._ended = False
-        self._rates = (0.0, 0.0)  # of the phase on its way to rest
 
     @property
     def delay_s(self) -> float:
@@ -144,8 +143,8 @@ class TargetFollower:
             if not self._ended and clock.missing() <= max(1.0, most):
                 return clock.play(clock_s)
             if clock.stop is None:  # else rows that came end in a stop again, within the limits of the first
-                self._rates = self._phase_rates(state)
-        if clock.come_to_rest(*self._rates, forward=self._config.motion_rules > 1):
+                clock.stop_rates = self._phase_rates(state)
+        if clock.come_to_rest(forward=self._config.motion_rules > 1):
             off = max(abs(a - b) for a, b in zip(curve.at(clock.phase), curve.last, strict=True))
             if off > _SAME:
                 self._jump(curve.last, now_s, state)

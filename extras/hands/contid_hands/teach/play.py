@@ -14,8 +14,9 @@ from typing import Final
 from contid.client import Client, Code, RemoteError
 from contid.errors import BadInputError, ContidError
 from contid.remote.client.described_robot import columns_of
-from contid.remote.client.move_arguments import NO_TIMES, columns_and_rows
+from contid.remote.client.move_arguments import columns_and_rows
 from contid.robot_file.positions import KeyPath
+from contid.trajectory.lines import NO_TIMES
 from contid_hands.teach.check_targets import check_targets
 from contid_hands.teach.pose_file import PoseFile, SequenceStep
 from contid_paths.bends import between
