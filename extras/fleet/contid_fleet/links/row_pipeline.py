@@ -13,7 +13,11 @@ from typing import Any, Final
 
 from contid.remote.client.client_protocol import Request
 from contid.remote.protocol.wire import Code, Fields
+from contid_fleet.links.operator_link import LEASE_S
 
+#: A set-point that is not answered for so long was lost on the way, or its answer was [s]. The end of the
+#: stream waits for it meanwhile, and nothing else refreshes the lease.
+LOST_AFTER_S: Final = 0.5 * LEASE_S
 #: Set-points that are not yet answered; a further one waits for an answer.
 MAX_UNANSWERED: Final = 16
 
@@ -49,11 +53,11 @@ class RowPipeline:
         """Send a row."""
         with self._lock:
             self._unanswered += 1
-        self._ask("rows", request.fields, request.timeout_s, self._answered, True)
+        self._ask("rows", request.fields, min(request.timeout_s, LOST_AFTER_S), self._answered, True)
         self._settle(request)
 
     def end(self, request: Request) -> None:
-        """Send the end of the stream, once every row is answered."""
+        """Send the end of the stream, once every row is answered or lost."""
         self._settle(request)
 
     def _answered(self, response: Fields) -> None:
