@@ -9,7 +9,8 @@ import pytest
 
 from contid_devices.due.firmware_build import firmware_dir
 from contid_drivers.due import codes
-from contid_drivers.due.options import Bridge, Role, SafeState
+from contid_drivers.due.motor_options import Bridge
+from contid_drivers.due.options import Role, SafeState
 from contid_drivers.due.wiring import MOTOR_FIELDS, REGULATOR_FIELDS, TENSION_FIELDS
 
 CORE = firmware_dir() / "contid_due" / "src" / "core"

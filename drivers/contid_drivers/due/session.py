@@ -24,7 +24,8 @@ from contid_drivers.due.codes import (
 )  # fmt: skip
 from contid_drivers.due.frames import DuePort, crc16
 from contid_drivers.due.messages import Answer, Configured, Hello, PulseTrace, Refused, Telemetry
-from contid_drivers.due.options import Bridge, DueBusOptions
+from contid_drivers.due.motor_options import Bridge
+from contid_drivers.due.options import DueBusOptions
 from contid_drivers.due.wiring import Adc, axis_options, board_config, config_body, refused_value
 
 #: Bound of the drift of two crystals against each other, with their temperature (30 to 50 ppm each).

@@ -17,7 +17,8 @@ from contid.hal.homing import BACKOFF_MIN_DEG, REPEAT_RAD
 from contid.units import BAR, DEG
 from contid_drivers.due.codes import ADC_MV, ADC_STEPS, DUTY_FULL
 from contid_drivers.due.frames import crc16
-from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, LoadCell, Role
+from contid_drivers.due.motor_options import EndStop, LoadCell
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 
 #: Readings of a converter (24 bit) further out are saturated, and of a pin this near to the top [mV].
 CONVERTER_MOST: Final = 8_300_000

@@ -20,7 +20,8 @@ from contid.units import BAR
 from contid_devices.due.firmware_build import build_host
 from contid_driverkit.control_file import ControlFile
 from contid_drivers.due.codes import CHANNELS
-from contid_drivers.due.options import DueAxisOptions, DueBusOptions, LoadCell, SafeState
+from contid_drivers.due.motor_options import LoadCell
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, SafeState
 from contid_drivers.due.wiring import DUE_ADC, Adc, axis_options
 
 ChannelFault: TypeAlias = Literal[

@@ -14,7 +14,8 @@ from contid.errors import BadInputError, DeviceError
 from contid.hal import AxisOnBus, DeviceKind, load_driver
 from contid.robot_file.load import parse_robot_file
 from contid_drivers.due.axis import BoardAxis
-from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, Role
+from contid_drivers.due.motor_options import EndStop
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from contid_drivers.due.wiring import board_config
 from contid_emulate.due import BoardFault
 

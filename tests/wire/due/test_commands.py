@@ -21,7 +21,8 @@ from contid_devices.due.homing import home
 from contid_devices.firmware import command as firmware_command
 from contid_devices.homing.command import command as home_command
 from contid_drivers.due.bus import DueBus
-from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, Role
+from contid_drivers.due.motor_options import EndStop
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from contid_emulate.due import emulate
 from tests.wire.due.boards import MOTORS, PARKED
 
