@@ -232,8 +232,8 @@ class Moves:
         """True while a client has a move along rows."""
         return self._current is not None and self._current.client == client
 
-    def refill(self) -> None:
-        """Grant the credit that has grown with time, end what only faults have left; called periodically."""
+    def watch(self) -> None:
+        """Grant the credit that has grown with time; end a trajectory whose robots are all in FAULT."""
         move = self._current
         if isinstance(move, LiveMove) and move.credit.refilled(asyncio.get_running_loop().time()):
             move.notify({"event": "credit", "move": move.number, **move.credit.fields})

@@ -163,7 +163,7 @@ class RequestHandler:
             self._lateness.update()
             if self._recordings is not None:
                 self._recordings.watch()
-        self.moves.refill()
+        self.moves.watch()
         self.trackers.watch(now_s)
         holder = self.lease.holder
         if holder is not None and holder.client in self._busy:
