@@ -34,7 +34,8 @@ from contid.robot_file.load import LoadedFile, parse_robot_file
 from contid.session.format.entries import Entry
 from contid.trajectory.timed import Trajectory
 from tests.campaign.clients.failing_devices import RATE_HZ, Case, Crowd, drawn
-from tests.campaign.clients.seen_clients import Seen, checks
+from tests.campaign.clients.seen import Seen
+from tests.campaign.clients.seen_clients import checks
 
 #: Virtual seconds for which clients give orders, and until the run has ended after them.
 BUSY_S = 5.0
