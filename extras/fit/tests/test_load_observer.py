@@ -15,7 +15,7 @@ from tests.sense.plant import shipped_robot
 
 pytestmark = pytest.mark.skipif(kernels.load("cosserat") is None, reason="NumPy takes minutes")
 
-LOADS = 24
+LOADS = 12
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def test_a_load_is_weighed_within_a_second(weighed):
 
 
 def test_the_intervals_hold_what_they_state(weighed):
-    # Of 144 components of one arm; `python -m tests.sense.figures` has more.
+    # Of 72 components of one arm; `python -m tests.sense.figures` has more.
     assert 0.88 <= (np.abs(weighed[2]) <= 1.96).mean() <= 1.0
 
 
@@ -80,7 +80,7 @@ def test_an_arm_that_creeps_is_not_a_load(weighed):
         body = Creeping(shipped_robot().model_copy(update={"sim": SimulatedArm(errors=ERRORS)}))
         run = Run(robot, body, np.random.default_rng(4))
         run.move(np.array([0.2, 1.0, 0.3, 0.9, 0.1, 0.6]))
-        run.rest(8.0)
+        run.rest(5.0)
         force, sigma = run.found()
         off.append((np.abs(force) / GRAM_N, np.abs(force) / sigma))
     assert off[0][1].max() > 3.0  # grams that are not there, and sure of them
