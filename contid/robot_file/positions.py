@@ -154,7 +154,7 @@ def read_document(text: str, file: str) -> Document:
         raise BadInputError(found)
     if _COMPILED is not None and _LEFT_TO_PYYAML.search(text) is None:
         reader = _Reader(Document(file))
-        with suppress(yaml.YAMLError, BadInputError):  # the parser below says what is wrong, and where
+        with suppress(yaml.YAMLError, BadInputError):  # the parser below names what is wrong, and where
             reader.read(iter(yaml.parse(text, Loader=_COMPILED)))
             if isinstance(reader.document.data, dict) and not reader.findings:
                 return reader.document

@@ -20,7 +20,7 @@ PIECES = (
 
 
 def read(text: str) -> object:
-    """What `read_document` makes of a text, or what it says."""
+    """What `read_document` makes of a text, or its findings."""
     try:
         found = positions.read_document(text, "f")
     except BadInputError as error:

@@ -80,7 +80,7 @@ def test_an_arm_that_creeps_is_not_a_load(weighed):
         body = Creeping(shipped_robot().model_copy(update={"sim": SimulatedArm(errors=ERRORS)}))
         run = Run(robot, body, np.random.default_rng(4))
         run.move(np.array([0.2, 1.0, 0.3, 0.9, 0.1, 0.6]))
-        run.rest(5.0)
+        run.rest(8.0)
         force, sigma = run.found()
         off.append((np.abs(force) / GRAM_N, np.abs(force) / sigma))
     assert off[0][1].max() > 3.0  # grams that are not there, and sure of them
