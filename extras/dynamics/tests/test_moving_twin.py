@@ -61,13 +61,11 @@ def test_the_tip_swings_after_a_move_as_its_mode_does() -> None:
     assert min(abs(found_hz / mode.frequency_hz - 1.0) for mode in (first, second)) < 0.05
 
 
-@pytest.mark.slow
 def test_a_run_in_virtual_time_is_the_same_to_the_bit() -> None:
     runs = [run_of(moving("stiffflop2"), SHORT, 200.0)[1] for _ in range(2)]
     assert np.array_equal(runs[0], runs[1], equal_nan=True)
 
 
-@pytest.mark.slow
 def test_the_dead_time_of_the_actuators_comes_before_the_body() -> None:
     moved = []
     for delay_ms in (0, 150):
