@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -22,6 +23,10 @@ pytest_plugins = (
     "tests.support.plugins.reruns",
     "tests.support.plugins.commands",
 )
+# As `contid` itself: threads of a linear-algebra library wait for one another by spinning, which took two
+# thirds of the processor time of a fit on two busy cores. numpy reads it when it is imported, which is later.
+for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
 # Tests with rewritten assertions are compiled once and kept, whatever the environment says.
 sys.dont_write_bytecode = False
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copy
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
@@ -33,10 +33,17 @@ class Change:
     comment: str = ""
 
 
-def set_values(path: Path, changes: Sequence[Change]) -> None:
+def set_values(
+    path: Path, changes: Sequence[Change], check: Callable[[str], object] = lambda text: None
+) -> None:
     """Write values into a YAML file, all of them or none.
 
     A missing last part of a key is added; its mapping must exist.
+
+    Args:
+        path: path of the file.
+        changes: what to write.
+        check: is called with the new text before it replaces the old one; what it raises leaves that.
 
     Raises:
         ContidError: a key's mapping is not in the file, or the file cannot be read or written.
@@ -44,6 +51,7 @@ def set_values(path: Path, changes: Sequence[Change]) -> None:
     raw = read_raw(path)
     ends = "\r\n" if b"\r\n" in raw else "\n"
     text = edited(decoded(raw, path), changes)
+    check(text)
     with replacing(path) as file:
         file.write(text.replace("\n", ends).encode())
 

@@ -205,19 +205,19 @@ class CosseratModel:
 
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Tip by pressures in equilibrium, shape (3, 3k) [m/Pa]."""
-        pressures_bar = np.array(self.regulators.chambers(actuation))
-        equilibrium = self.engine.forward(pressures_bar.tolist(), load_n)
-        derivatives = sweep(
-            self.setup.rod,
-            pressures_bar,
-            np.array(equilibrium.base_moment_nmm),
-            self.setup.loads(load_n),
-            equilibrium.elements,
-        )
-        held = derivatives.tip_by[:, :3] @ (
-            pseudo_inverse(derivatives.moment_by[:, :3]) @ derivatives.moment_by[:, 3:]
-        )
-        result: Array = (derivatives.tip_by[:, 3:] - held) / (MM_PER_M * BAR) * self.regulators.slopes
+        chambers = self.regulators.chambers(actuation)
+        equilibrium = self.engine.forward(chambers, load_n)
+        near = None
+        if equilibrium.stable and equilibrium.elements == self.setup.elements:  # the same derivatives
+            near = self.engine.near(chambers, load_n, equilibrium.base_moment_nmm)
+        if near is not None:
+            by_pressure = np.reshape(near.by_pressure_mm_bar, (3, -1))
+        else:  # with other elements, or unstable
+            moment, loads = np.array(equilibrium.base_moment_nmm), self.setup.loads(load_n)
+            swept = sweep(self.setup.rod, np.array(chambers), moment, loads, equilibrium.elements)
+            held = pseudo_inverse(swept.moment_by[:, :3]) @ swept.moment_by[:, 3:]
+            by_pressure = swept.tip_by[:, 3:] - swept.tip_by[:, :3] @ held
+        result: Array = by_pressure / (MM_PER_M * BAR) * self.regulators.slopes
         return result
 
     def compliance(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:

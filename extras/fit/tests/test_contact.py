@@ -38,8 +38,9 @@ def test_a_wall_is_found_and_its_direction(seed):
     assert found.force_n == pytest.approx(found.push_n, rel=0.7)
 
 
-def test_a_spiral_has_no_contact():
-    contacts, largest, looked = spiral(1, 0.5)
+@pytest.mark.parametrize("minutes", [0.2, pytest.param(0.5, marks=pytest.mark.campaign)])
+def test_a_spiral_has_no_contact(minutes):
+    contacts, largest, looked = spiral(1, minutes)
     assert contacts == []
     assert largest < GATE
     assert looked > 0.9

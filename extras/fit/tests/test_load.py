@@ -299,22 +299,22 @@ def test_too_few_poses_are_refused():
 
 
 def recorded(path, plant, poses, force_n):
-    """A session with rests of 2 s, the tips of the plant as measurements."""
+    """A session with rests of about a second, the tips of the plant as measurements."""
     axes = [f"s{i}.p{j}_bar" for i in (1, 2) for j in (1, 2, 3)]
     lines = [",".join(["t_s", *axes, "meas.x_mm", "meas.y_mm", "meas.z_mm"])]
-    t = 0.0
+    t, way_s = 0.0, 1.2
     plant.command(np.zeros(6))  # the rest pose, where the run begins
     for bar in poses:
         plant.command(bar)
-        # A path takes 2 s. Rows 1 ms apart at the ends of a rest keep the cubic from swinging over.
-        tips = plant.measurements(force_n, 1.6) * 1e3
+        # Rows 1 ms apart at the ends of a rest keep the cubic from swinging over.
+        tips = plant.measurements(force_n, 1.2) * 1e3
         times = np.sort([*(np.arange(len(tips) - 2) / RATE_HZ), 1e-3, (len(tips) - 3) / RATE_HZ - 1e-3])
-        for at, tip in zip(t + 2.0 + times, tips, strict=True):
+        for at, tip in zip(t + way_s + times, tips, strict=True):
             lines.append(f"{at:.3f}," + ",".join(f"{v:.6f}" for v in [*bar, *tip]))
-        t += 2.0 + 1.6
+        t += way_s + 1.2
     csv = path.with_suffix(".csv")
     csv.write_text("\n".join(lines) + "\n")
-    command = [sys.executable, "-m", "contid", "run", "stiffflop2", "--virtual", "--rate", "100"]
+    command = [sys.executable, "-m", "contid", "run", "stiffflop2", "--virtual", "--rate", "50"]
     command += ["--trajectory", str(csv), "--record", str(path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=200)
     assert done.returncode == 0, done.stderr

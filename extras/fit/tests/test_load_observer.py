@@ -15,7 +15,7 @@ from tests.sense.plant import shipped_robot
 
 pytestmark = pytest.mark.skipif(kernels.load("cosserat") is None, reason="NumPy takes minutes")
 
-LOADS = 24
+LOADS = 12
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def test_a_load_is_weighed_within_a_second(weighed):
 
 
 def test_the_intervals_hold_what_they_state(weighed):
-    # Of 144 components of one arm; `python -m tests.sense.figures` has more.
+    # Of 72 components of one arm; `python -m tests.sense.figures` has more.
     assert 0.88 <= (np.abs(weighed[2]) <= 1.96).mean() <= 1.0
 
 

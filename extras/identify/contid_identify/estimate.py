@@ -92,7 +92,7 @@ def estimate(
         blocks: number of the block of time of each sample.
     """
     from scipy.optimize import least_squares
-    from scipy.stats import t as student
+    from scipy.special import stdtrit
 
     margin = 1e-9 * np.maximum(np.abs(start), 1.0)
     start = np.clip(start, low + margin, high - margin)
@@ -102,7 +102,7 @@ def estimate(
     )
     left = residual(found.x)
     freedom = max(_effective_blocks(found.jac, left.shape[1], blocks) - len(start), 1.0)
-    quantile = float(student.ppf(0.5 + 0.5 * CONFIDENCE, freedom))
+    quantile = float(stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE))
     return Estimate(found.x, _covariance(found.jac, left, blocks), quantile, left)
 
 
@@ -119,7 +119,7 @@ def half_intervals(jacobian: Array, residual: Array, blocks: Array, weight: Arra
     Returns:
         Shape ``(parameters,)``; a prior that is wrong by its spread is part of it.
     """
-    from scipy.stats import t as student
+    from scipy.special import stdtrit
 
     names = np.unique(blocks)
     if len(names) < 2:
@@ -132,7 +132,7 @@ def half_intervals(jacobian: Array, residual: Array, blocks: Array, weight: Arra
         variance += np.linalg.solve(normal - own.T @ own, own.T @ left[of_row == name]) ** 2
     variance *= (len(names) - 1.0) / len(names)
     variance += ((np.linalg.inv(normal) * (weight * spread)) ** 2).sum(axis=1)
-    quantile = float(student.ppf(0.5 + 0.5 * CONFIDENCE, len(names) - 1.0))
+    quantile = float(stdtrit(len(names) - 1.0, 0.5 + 0.5 * CONFIDENCE))
     return np.asarray(quantile * np.sqrt(variance))
 
 

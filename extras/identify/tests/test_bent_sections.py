@@ -164,7 +164,6 @@ def test_other_commands_are_predicted_better_than_by_monomials(models: tuple[Tip
     assert "bends of the sections" in next(iter(motion_lines(models[0])))
 
 
-@pytest.mark.slow
 def test_an_arm_that_is_not_where_its_tips_are_is_refused() -> None:
     """As of a camera's table without the place of the base: monomials took it up, and 45 mm were reported."""
     rows = TraceRows([LoadedTrace(trace_of(1, 5.0))], None)

@@ -42,9 +42,9 @@ def two_fingers(h_mm: float, w_mm: float = 13.0, curvature: float = 0.076) -> di
     ("h_mm", "single", "overlap"),
     [
         (0, 101.97313915, 11.55016853),
-        (5, 116.06, 18.70036),
+        pytest.param(5, 116.06, 18.70036, marks=pytest.mark.campaign),
         (10, 130.15, 27.55655),
-        (20, 158.50, 46.07),
+        pytest.param(20, 158.50, 46.07, marks=pytest.mark.campaign),
         (30, 187.30, 56.00),
     ],
 )
@@ -57,7 +57,14 @@ def test_areas_of_the_reference(h_mm: float, single: float, overlap: float) -> N
     assert area_cm2(common) == pytest.approx(overlap, abs=2e-5 if h_mm < 15 else 0.04)
 
 
-@pytest.mark.parametrize(("w_mm", "overlap"), [(8, 17.71), (10, 15.11), (12, 12.69)])
+@pytest.mark.parametrize(
+    ("w_mm", "overlap"),
+    [
+        (8, 17.71),
+        pytest.param(10, 15.11, marks=pytest.mark.campaign),
+        pytest.param(12, 12.69, marks=pytest.mark.campaign),
+    ],
+)
 def test_overlap_depends_on_the_rack_spacing(w_mm: float, overlap: float) -> None:
     common = overlapping(two_fingers(0, w_mm))["left", "right"]
     assert area_cm2(common) == pytest.approx(overlap, abs=6e-3)
@@ -71,7 +78,14 @@ def test_curvature_limit_does_not_change_the_overlap() -> None:
     assert area_cm2(narrow["left"]) < area_cm2(wide["left"]) - 1
 
 
-@pytest.mark.parametrize(("w_mm", "curvature"), [(13, 0.076), (5, 0.12), (2, 0.3)])
+@pytest.mark.parametrize(
+    ("w_mm", "curvature"),
+    [
+        pytest.param(13, 0.076, marks=pytest.mark.campaign),
+        pytest.param(5, 0.12, marks=pytest.mark.campaign),
+        (2, 0.3),
+    ],
+)
 def test_the_area_is_the_integral_of_the_jacobian_for_slender_fingers_too(w_mm, curvature) -> None:
     """``|d(x, y)/d(k, S)| = S^2/2 sinc(k S/2)^2`` for h = 0; slender fingers reach a full turn (16 rad)."""
     s = np.linspace(1e-3, 100.0, 4001)

@@ -29,7 +29,7 @@ def test_the_size_is_the_share_of_random_points_that_the_inverse_reaches(
     name: str, which: str | None
 ) -> None:
     robot = Robot(name)[which] if which else Robot(name)
-    found = robot.workspace(across=16) if robot.dimension == 3 else robot.workspace()
+    found = robot.workspace(across=12) if robot.dimension == 3 else robot.workspace()
     low, high = found.bounds
     rng = np.random.default_rng(5)
     count = 2000
@@ -55,7 +55,7 @@ def test_si_has_other_numbers_only() -> None:
     edge, si = Robot("finger").workspace(), Robot("finger", si=True).workspace()
     assert si.size == pytest.approx(edge.size * 1e-6)
     assert si.bounds == pytest.approx(edge.bounds * 1e-3)
-    edge, si = Robot("stiffflop1").workspace(20.0), Robot("stiffflop1", si=True).workspace(0.02)
+    edge, si = Robot("stiffflop1").workspace(30.0), Robot("stiffflop1", si=True).workspace(0.03)
     assert si.size == pytest.approx(edge.size * 1e-9)
     assert si.points == pytest.approx(edge.points * 1e-3)
 

@@ -35,10 +35,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A hand whose left finger goes to a point; of more ticks than one block."""
     path = tmp_path_factory.mktemp("exports") / "s.mcap"
     with Sim("hand", record=path) as sim:
-        for _ in range(4500):
-            sim.step(
-                {"left.x_mm": TIP_MM[0], "left.y_mm": TIP_MM[1], "right.left_mm": 60, "right.right_mm": 61}
-            )
+        sim.step(ROW, ticks=4500)
     return path
 
 
@@ -123,22 +120,21 @@ def test_hdf5_has_a_group_per_channel_and_the_events(exported: Path, table: pd.D
     assert [event["event"] for event in events] == expected
 
 
-def dataset(file: Path, folder: Path) -> None:
+@pytest.fixture(scope="module")
+def dataset(file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two episodes, of the same session."""
+    folder = tmp_path_factory.mktemp("lerobot") / "set"
     done = contid("session", "lerobot", str(folder), str(file), str(file), "--task", "go", "--fps", "50")
     assert done.returncode == 0, done.stderr
+    assert [*folder.parent.iterdir()] == [folder]
+    return folder
 
 
-def test_a_dataset_has_the_layout_of_lerobot(file: Path, tmp_path: Path) -> None:
-    done = contid(
-        "session", "lerobot", str(tmp_path / "set"), str(file), str(file), "--task", "go", "--fps", "50"
-    )
-    assert done.returncode == 0, done.stderr
-    folder = tmp_path / "set"
-    assert [*tmp_path.iterdir()] == [folder]
+def test_a_dataset_has_the_layout_of_lerobot(dataset: Path) -> None:
     for name, columns in LAYOUT["files"].items():
-        found = parquet.read_schema(folder / name)
+        found = parquet.read_schema(dataset / name)
         assert {each.name: str(each.type) for each in found} == columns, name
-    info = json.loads((folder / "meta" / "info.json").read_text())
+    info = json.loads((dataset / "meta" / "info.json").read_text())
     differ = {key for key in info | LAYOUT["info"] if info.get(key) != LAYOUT["info"].get(key)}
     assert differ == {"total_frames", "features"}
     assert info["features"].keys() == LAYOUT["info"]["features"].keys()
@@ -151,16 +147,12 @@ def test_a_dataset_has_the_layout_of_lerobot(file: Path, tmp_path: Path) -> None
         "right.left_mm",
         "right.right_mm",
     ]
-    statistics = json.loads((folder / "meta" / "stats.json").read_text())
+    statistics = json.loads((dataset / "meta" / "stats.json").read_text())
     assert {key: sorted(each) for key, each in statistics.items()} == LAYOUT["stats"]
 
 
-def test_a_dataset_has_the_ticks_of_its_sessions(file: Path, table: pd.DataFrame, tmp_path: Path) -> None:
-    done = contid(
-        "session", "lerobot", str(tmp_path / "set"), str(file), str(file), "--task", "go", "--fps", "50"
-    )
-    assert done.returncode == 0, done.stderr
-    paths = sorted((tmp_path / "set" / "data").glob("*/*.parquet"))
+def test_a_dataset_has_the_ticks_of_its_sessions(dataset: Path, table: pd.DataFrame) -> None:
+    paths = sorted((dataset / "data").glob("*/*.parquet"))
     first, second = (parquet.read_table(path).to_pydict() for path in paths)
     assert second["index"] == [index + len(first["index"]) for index in first["index"]]
     assert second["episode_index"] == [1] * len(first["index"])

@@ -151,7 +151,7 @@ def fit_curvature(postures: list[Posture]) -> CurvatureFit:
     Raises:
         ContidError: fewer than three postures, or all at one arc length.
     """
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
     lengths = np.array([posture.arc_length_mm for posture in postures])
     if len(postures) < 3 or float(np.ptp(lengths)) == 0.0:
@@ -161,7 +161,7 @@ def fit_curvature(postures: list[Posture]) -> CurvatureFit:
         )
     epsilon = np.array([posture.epsilon for posture in postures])
     (slope, intercept), errors = fit_line(lengths, epsilon, _marker_variances(postures))
-    quantile = float(t.ppf(0.5 + 0.5 * CONFIDENCE, len(postures) - 2))
+    quantile = float(stdtrit(len(postures) - 2, 0.5 + 0.5 * CONFIDENCE))
     residuals = epsilon - (slope * lengths + intercept)
     return CurvatureFit(
         a_per_mm=slope,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from contid.errors import ContidError
-from contid.robot_file.edit import Change, edited, set_values
+from contid.robot_file.edit import Change, set_values
 from contid.robot_file.load import load_named, load_robot_file, parse_robot_file
 from contid.robot_file.robot import RobotDescription
 
@@ -61,5 +61,4 @@ def write_back(path: Path, robot: str, changes: Sequence[Change], measured: Sequ
     edits = [Change(front + change.key, change.value, change.comment) for change in changes]
     if len(rest) < len(marked):
         edits.append(Change(front + "placeholder", rest))
-    parse_robot_file(edited(loaded.text, edits), str(path))
-    set_values(path, edits)
+    set_values(path, edits, lambda text: parse_robot_file(text, str(path)))

@@ -255,10 +255,11 @@ def calibrate_without_load(
         jacobians = np.array([model.jacobian(q) for q in used])
         loops = correction[2 * axes :]
         unknown = np.array([_by_unknown(J, on, loops) for J, on in zip(jacobians, sides, strict=True)])
+        by_axes = jacobians @ jacobians.transpose(0, 2, 1)
         # Most likely spread of the errors under the corrections so far.
         axis_sigma, tip_sigma = max(
             ((float(a), float(t)) for a in axis_sigmas for t in tip_sigmas),
-            key=lambda pair: _log_likelihood(errors, jacobians, unknown, *pair),
+            key=lambda pair: _log_likelihood(errors, by_axes, unknown, *pair),
         )
         information, right = prior.copy(), -prior @ np.concatenate([correction, scales])
         for q, side, by_parameters, error, jacobian, of_sides in zip(
@@ -332,9 +333,9 @@ def _spread(jacobian: Array, axis_sigma: float, tip_sigma_m: float) -> Array:
 
 
 def _log_likelihood(
-    errors: Array, jacobians: Array, unknown: Array, axis_sigma: float, tip_sigma_m: float
+    errors: Array, by_axes: Array, unknown: Array, axis_sigma: float, tip_sigma_m: float
 ) -> float:
-    spreads = np.array([_spread(jacobian, axis_sigma, tip_sigma_m) for jacobian in jacobians]) + unknown
+    spreads = axis_sigma**2 * by_axes + tip_sigma_m**2 * np.eye(3) + unknown
     solved = np.linalg.solve(spreads, errors[:, :, None])[:, :, 0]
     return float(-0.5 * (np.linalg.slogdet(spreads)[1].sum() + (errors * solved).sum()))
 

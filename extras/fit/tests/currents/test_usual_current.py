@@ -22,14 +22,14 @@ FRICTION_MA, NOISE_MA = 60.0, 3.0
 THERE = Target(tip_m=(0.010, 0.085, 0.0))
 MOTIONS: Mapping[int, Sequence[msg.Message]] = {
     10: [msg.Resume()],
-    **{100 + 100 * k: [msg.Goto("left", (BEFORE, THERE)[k % 2])] for k in range(28)},
+    **{100 + 100 * k: [msg.Goto("left", (BEFORE, THERE)[k % 2])] for k in range(26)},
 }
 
 
 @pytest.fixture(scope="module")
 def free(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("free")
-    return record_virtual(folder / "free.mcap", hand(None), None, MOTIONS, ticks=3000)
+    return record_virtual(folder / "free.mcap", hand(None), None, MOTIONS, ticks=2720)
 
 
 def calibrate(*arguments: object) -> tuple[int, str]:

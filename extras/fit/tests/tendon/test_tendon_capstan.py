@@ -67,4 +67,5 @@ def test_the_coefficient_is_that_of_the_emulated_tendons() -> None:
     assert found is not None
     assert found.low < found.value < found.high
     assert abs(found.value / MU - 1.0) < 0.3
-    assert capstan_coefficient(fit_model(ElasticBends(nominal, friction=False), data), data.pull_m) is None
+    few = data.rows(0, 48)
+    assert capstan_coefficient(fit_model(ElasticBends(nominal, friction=False), few), few.pull_m) is None

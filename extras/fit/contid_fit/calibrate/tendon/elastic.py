@@ -193,7 +193,8 @@ class _Rows:
         size = np.sqrt((change**2) @ self.pairs + SMOOTH_RAD**2)
         force = self.pairs @ (self.elastic.friction_m2 / size)
         unit = change / (self.pairs @ size)
-        hessian = np.diag(force) - force[:, None] * self.blocks * np.outer(unit, unit)
+        hessian = -(force[:, None] * self.blocks * (unit[:, None] * unit))
+        hessian.flat[:: len(bends) + 1] += force
         return force * change, hessian
 
     def minimum(self, last: Array, tight: Array) -> Array:

@@ -101,7 +101,7 @@ def fit_model(
         start: first vector; None: the expected one.
     """
     from scipy.optimize import least_squares
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
     use = np.ones(len(recording), dtype=np.bool_) if use is None else use
     cached = _Cached(model, recording, use)
@@ -116,7 +116,7 @@ def fit_model(
     )
     z = np.asarray(found.x)
     covariance, patterns = _sandwich(cached, z, recording.runs[use])
-    width = float(t.ppf(0.5 + 0.5 * CONFIDENCE, max(patterns - 1, 1))) * np.sqrt(np.diag(covariance))
+    width = float(stdtrit(max(patterns - 1, 1), 0.5 + 0.5 * CONFIDENCE)) * np.sqrt(np.diag(covariance))
     vector = cached.expected + cached.spread * z
     return TendonFit(model, vector, width * cached.spread, cached.evaluations, found.status > 0)
 
