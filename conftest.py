@@ -21,6 +21,7 @@ pytest_plugins = (
     "tests.support.plugins.order",
     "tests.support.plugins.reruns",
     "tests.support.plugins.commands",
+    "tests.support.plugins.parsed",
 )
 # Tests with rewritten assertions are compiled once and kept, whatever the environment says.
 sys.dont_write_bytecode = False
