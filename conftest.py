@@ -22,6 +22,7 @@ pytest_plugins = (
     "tests.support.plugins.order",
     "tests.support.plugins.reruns",
     "tests.support.plugins.commands",
+    "tests.support.plugins.parsed",
 )
 # As `contid` itself: threads of a linear-algebra library wait for one another by spinning, which took two
 # thirds of the processor time of a fit on two busy cores. numpy reads it when it is imported, which is later.

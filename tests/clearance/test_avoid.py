@@ -141,7 +141,7 @@ def test_the_first_answer_is_taken_exactly_where_the_body_is_clear(sections):
     rng, feasible = np.random.default_rng(6), racks(sections)
     solver, plain = build_solver(feasible), build_solver(feasible)
     few = tuning_for(feasible).tracking * tuning_for(feasible).ell_m
-    for _ in range(200):
+    for _ in range(100):
         obstacles, target = some_obstacles(rng, 12), plain.forward(tuple(posture(feasible, rng).tolist())).tip
         seed = posture(feasible, rng)
         found = avoiding(solver, feasible, obstacles).solve(target, None, None, tuple(seed.tolist()))
@@ -155,8 +155,8 @@ def test_the_first_answer_is_taken_exactly_where_the_body_is_clear(sections):
         elif found != plain.solve(target, None, None, tuple(seed.tolist())):  # what is met in no way around
             assert found.starts == 33 or found.iterations >= 300
             assert gap < MARGIN_M + 1e-3
-    assert firsts > 100
-    assert seconds >= 2
+    assert firsts > 50
+    assert seconds >= 1
 
 
 @pytest.mark.parametrize("kind", ["plane", "sphere", "capsule", "box"])
@@ -168,7 +168,7 @@ def test_each_kind_of_obstacle_pushes_the_body_away(kind):
     tip = (0.1, 0.0, 0.55)
     middle = np.array(plain.forward(plain.solve(tip, None, None, home).lengths).mid)
     turned = Rotation.from_euler("zy", (0.7, 0.4)).as_matrix()
-    for side in np.arange(6) * np.pi / 3:
+    for side in np.arange(3) * 2 * np.pi / 3:
         out = np.array((np.cos(side), np.sin(side), 0.0))
         near = middle + (RADIUS_M + 0.5 * MARGIN_M) * out
         obstacle = {
@@ -216,7 +216,7 @@ def test_bends_of_a_tendon_robot_keep_away_too():
     model = TendonModel(robot)
     rng, kept, free = np.random.default_rng(9), 0, 0
     straight = (0.0,) * len(model.axis_names)
-    for _ in range(30):
+    for _ in range(20):
         feasible = model.feasible
         assert model.statics is not None
         bends = feasible.pulled(rng.uniform(feasible.low, feasible.high)) / np.repeat(
@@ -244,7 +244,7 @@ def test_bends_of_a_tendon_robot_keep_away_too():
         kept += gaps[1] >= 0.002 - 1e-4 > gaps[0]
         assert np.linalg.norm(np.subtract(model.forward(found.actuation).tip_m, tip)) <= 1e-6
     model.avoid([], 0.01, 0.002, 0.0)
-    assert free >= 8
+    assert free >= 5
     assert kept >= 0.7 * free
 
 

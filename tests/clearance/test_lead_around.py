@@ -30,7 +30,7 @@ clearance:
     ball: {sphere: {center_mm: [100, 0, 220], radius_mm: RADIUS}}
 """
 #: The bend that is nearest to home touches the ball on the way to the second row.
-ROWS = "t_s,x_mm,y_mm,z_mm\n0,0,0,450\n8,150,0,450\n16,150,100,450\n"
+ROWS = "t_s,x_mm,y_mm,z_mm\n0,0,0,450\n6,150,0,450\n"
 
 
 def text(radius_mm):
@@ -61,16 +61,21 @@ def test_an_obstacle_without_a_way_around_is_refused_as_before():
 def test_every_tick_keeps_the_margin_with_the_tip_on_its_line(tmp_path):
     """The backbone by the library and the distance by its points: another way than the tick's."""
     file = tmp_path / "ball.yaml"
-    file.write_text(text(30))
+    # At rest it is near the first tip: on the way there every tick looks at its stop.
+    file.write_text(
+        text(30).replace("rest_mm: [10, 10, 10, 10, 10, 10]", "rest_mm: [190, 190, 190, 190, 190, 190]")
+    )
     robot = Robot("trirack2")
     with Sim(str(file)) as sim:
-        state = sim.step({"x_mm": 0.0, "y_mm": 0.0, "z_mm": 450.0}, ticks=2000)["arm"]
+        state = sim.step({"x_mm": 0.0, "y_mm": 0.0, "z_mm": 450.0}, ticks=500)["arm"]
         assert np.array(state.tip) == pytest.approx([0, 0, 450], abs=0.01)
         apart, off, late = [], [], []
         for k in range(1, 801):
             x = 150 * k / 800
             state = sim.step({"x_mm": x, "y_mm": 0.0, "z_mm": 450.0})["arm"]
             assert state.refused == ""
+            if k % 4:
+                continue
             points = robot.backbone(state.command, 400)
             points = points[np.linspace(0, 1, 400) * 450 > 90]  # past from_mm, whatever the length
             apart.append(np.linalg.norm(points - [100, 0, 220], axis=1).min() - 40 - 30)
@@ -79,9 +84,9 @@ def test_every_tick_keeps_the_margin_with_the_tip_on_its_line(tmp_path):
         assert min(apart) >= 5 - 0.05
         assert min(apart) < 25
         assert -0.01 < min(late) < max(late) < 150 / 800 * 6  # while the clock of the rows is learnt
-        assert max(late[200:]) < 0.7  # a live row is followed 2 rows later
+        assert max(late[50:]) < 0.7  # a live row is followed 2 rows later
         assert max(off) < 1e-2  # while the axes join the moving target
-        assert max(off[100:]) < 1e-3
+        assert max(off[25:]) < 1e-3
 
 
 @pytest.mark.parametrize("mirror", [False, True])
@@ -107,7 +112,7 @@ def test_tendon_robots_bend_around_a_ball_beside_their_body():
         "    axes:\n", "    axes:\n" + grip
     )
     met = touching = 0
-    for angle in np.linspace(0.0, 2 * np.pi, 12, endpoint=False):
+    for angle in np.linspace(0.0, 2 * np.pi, 6, endpoint=False):
         tip = (0.1 * math.cos(angle), 0.1 * math.sin(angle), 0.26)
         (before,) = build_robot_configs(parse_robot_file(source, "t.yaml"), 100.0)
         plain = before.model.inverse(Target(tip_m=tip), before.rest)
@@ -124,5 +129,5 @@ def test_tendon_robots_bend_around_a_ball_beside_their_body():
         around = config.model.shape(found.actuation, 301)
         clear = np.linalg.norm(around - center, axis=1).min() - 0.016 >= 0.002
         met += found.converged and clear and math.dist(around[-1], tip) < 1e-6
-    assert touching == 12
-    assert met == 12
+    assert touching == 6
+    assert met == 6

@@ -52,9 +52,9 @@ class Kept:
         return [tuple(axis.command for axis in each) for each in axes if not np.isnan(each[0].device)]
 
     def curve(self, robot, command, cut_m=0.0):
-        """801 points of the backbone in the world, by the model."""
+        """401 points of the backbone in the world, by the model."""
         config = self.configs[robot]
-        points = config.model.shape(command, 801)
+        points = config.model.shape(command, 401)
         steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
         s = np.concatenate([[0.0], np.cumsum(steps)])
         rotation = np.array(config.frame.rotation).reshape(3, 3)

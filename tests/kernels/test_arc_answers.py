@@ -80,13 +80,13 @@ def test_what_is_not_met_is_a_least_error_on_the_limits(name, mode):
 
 @pytest.mark.parametrize("name", ["cbha", "tri-rack 2", "tri-rack 3"])
 def test_out_of_reach_no_multistart_of_random_postures_ends_nearer(name):
-    """The nearest of 20000 postures, and its neighbours, is no nearer than the answer."""
+    """The nearest of many postures, and its neighbours, is no nearer than the answer."""
     feasible = ARMS[name]()
     solver, chain = build_solver(feasible), twists.of_tubes(feasible.sections)
     rng = np.random.default_rng(8)
-    postures = random_lengths(feasible, 1500, seed=9)
+    postures = random_lengths(feasible, 800, seed=9)
     tips = np.array([solver.forward(tuple(row)).tip for row in postures.tolist()])
-    for _ in range(6):
+    for _ in range(4):
         away = rng.normal(size=3) * (1.0, 1.0, 0.6)
         tip = 0.6 * sum(feasible.upper) * away / np.linalg.norm(away)
         answer = solver.solve(tuple(tip.tolist()), None, None, tuple(feasible.home.tolist()))

@@ -45,7 +45,7 @@ def random_ends(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.nd
 def test_a_curve_has_its_ends_its_directions_and_its_length() -> None:
     rng = np.random.default_rng(7)
     met = 0
-    for _ in range(400):
+    for _ in range(200):
         chord, t0, t1 = random_ends(rng)
         length = math.nan if rng.random() < 0.4 else float(np.linalg.norm(chord) * rng.uniform(1.02, 2.5))
         beta, gamma = BRANCHES[rng.integers(4)]
@@ -66,13 +66,13 @@ def test_a_curve_has_its_ends_its_directions_and_its_length() -> None:
             assert fit.length_m == pytest.approx(length, rel=1e-10)
         else:
             assert fit.length_m == pytest.approx(m, rel=1e-10)  # as of unknown length
-    assert met > 100
+    assert met > 50
 
 
 def test_the_branches_are_those_of_the_curves_that_are_drawn() -> None:
     """`contid_ropes.ph.ends` draws ropes and bodies; its golden values are the reference's."""
     rng = np.random.default_rng(8)
-    for _ in range(300):
+    for _ in range(150):
         chord, t0, t1 = random_ends(rng)
         beta, gamma = rng.uniform(-3.0, 3.0, 2) if rng.random() < 0.5 else BRANCHES[rng.integers(4)]
         length = None if rng.random() < 0.4 else float(np.linalg.norm(chord) * rng.uniform(0.9, 2.5))
@@ -137,7 +137,7 @@ def fitted(tip: Any, direction: Any, length: float | None) -> PhFit:
 
 def test_tubes_are_offset_curves() -> None:
     arm = ShapeInverse(SECTIONS, SPLIT)
-    for row in golden_lengths()[::27]:
+    for row in golden_lengths()[::54]:
         tip, tangent, _ = two_section_pose(row)
         for length in (None, float(row[:3].mean() + row[3:].mean())):
             found = arm.solve(tuple(tip.tolist()), tuple(tangent.tolist()), length)
@@ -204,7 +204,7 @@ def test_nearly_straight_arms_with_noise_and_a_stated_length() -> None:
     rng = np.random.default_rng(41)
     arm = ShapeInverse(SECTIONS, SPLIT)
     accepted = 0
-    for _ in range(400):
+    for _ in range(150):
         backbone = rng.uniform(0.2, 0.28)
         # 1 mm and 1 degree of noise about the straight arm, the length known to a hundredth.
         tip = tuple((np.array([0.0, 0.0, backbone]) + 1e-3 * rng.standard_normal(3)).tolist())
@@ -217,4 +217,4 @@ def test_nearly_straight_arms_with_noise_and_a_stated_length() -> None:
         assert backbones.sum() == pytest.approx(curve.length_m, abs=1e-12)
         accepted += found.length_met
         assert np.abs(np.reshape(found.lengths_m, (2, 3)).sum(axis=0) - backbone).max() < 0.012
-    assert 0 < accepted < 400
+    assert 0 < accepted < 150

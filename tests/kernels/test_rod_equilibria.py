@@ -104,8 +104,13 @@ def test_elements_are_doubled_as_far_as_the_error_asks() -> None:
     assert solver(two(), error=0.0).forward(pressures.tolist(), ZERO3).elements == 3  # exact without a load
 
 
-@pytest.mark.parametrize("weighs", [False, True])
-@pytest.mark.parametrize("sections", [1, 2, 3])
+@pytest.mark.parametrize(
+    ("sections", "weighs"),
+    [
+        *((1, True), (2, False), (3, True)),
+        *(pytest.param(*each, marks=pytest.mark.campaign) for each in ((1, False), (2, True), (3, False))),
+    ],
+)
 def test_a_near_equilibrium_and_its_derivatives(sections: int, weighs: bool) -> None:
     """By differentiation of the equations: dM/dx = -(dm/dM)^-1 dm/dx of the moment m left at the tip."""
     rod, engine = (
@@ -167,7 +172,10 @@ SNAPPING: list[tuple[tuple[float, ...], Vec3]] = [
 ]
 
 
-@pytest.mark.parametrize(("bar", "force"), SNAPPING)
+@pytest.mark.parametrize(
+    ("bar", "force"),
+    [*SNAPPING[:2], *(pytest.param(*each, marks=pytest.mark.campaign) for each in SNAPPING[2:])],
+)
 def test_at_a_critical_factor_the_energy_loses_its_minimum(bar: tuple[float, ...], force: Vec3) -> None:
     """Walked in small steps of the force: the least curvature of the energy goes to zero there."""
     engine = solver(two())

@@ -39,7 +39,6 @@ def rods(elements: int = 2) -> dict[str, TendonRod]:
     }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["weight", "spring", "sheaths"])
 def test_equilibria_are_stationary_points_of_the_energy(name: str) -> None:
     rod, rng, met = rods(3)[name], np.random.default_rng(4), 0

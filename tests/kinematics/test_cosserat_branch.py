@@ -24,8 +24,6 @@ from tests.oracles.rod_energy import variation
 from tests.oracles.rod_shooting import ramped_tip
 from tests.oracles.rod_walk import load_scale, walk
 
-pytestmark = pytest.mark.slow
-
 
 @pytest.fixture
 def arm(configs: Path) -> CosseratModel:
@@ -174,7 +172,7 @@ def test_shooting_finds_the_arm_there(arm: CosseratModel, asked: Asked) -> None:
     assert np.linalg.norm(oracle / 1e3 - arm.forward(found.actuation, asked.load_n).tip_m) < 2e-4
 
 
-@pytest.mark.parametrize("count", [pytest.param(20, marks=pytest.mark.campaign), 6])
+@pytest.mark.parametrize("count", [pytest.param(20, marks=pytest.mark.campaign), 3])
 def test_answers_and_forward_agree(arm: CosseratModel, count: int) -> None:
     """Box targets from outside the model's own poses, many out of reach: never a tip elsewhere."""
     rng, met = np.random.default_rng(7), 0

@@ -122,7 +122,7 @@ def _general() -> Loads:
 
 def test_tangents_are_derivatives() -> None:
     """Every column of NumPy's sweep against central differences, with weights and a rigid tip."""
-    rod, elements = two(tip_link=3.0), 24
+    rod, elements = two(tip_link=3.0), 12
     general = _general()
     loads = Loads(general.tip_force, weight=general.weight, link_weight=general.link_weight)
     assert loads.weight

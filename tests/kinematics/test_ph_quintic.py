@@ -125,7 +125,7 @@ vectors = st.tuples(component, component, component).filter(lambda v: np.linalg.
 lengths = st.floats(1.05, 2.5)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(vectors, vectors, vectors, st.sampled_from(BRANCHES), lengths)
 def test_ends_length_and_quadrature(chord, t0, t1, branch, surplus) -> None:
     """End data are met, the closed length is the quadrature of the speed, a prescribed one is met."""

@@ -119,13 +119,14 @@ def test_corrected_commands_reproduce_the_reference(x, y, k_cmd, left, right) ->
     assert (racks[1] - racks[0]) / 13 / (sum(racks) / 2) == pytest.approx(k_cmd, abs=1e-11)
 
 
-def test_a_hundred_thousand_random_poses_round_trip() -> None:
+@pytest.mark.parametrize("count", [pytest.param(20_000, marks=pytest.mark.campaign), 4_000])
+def test_random_poses_round_trip(count: int) -> None:
     """FK(IK(FK)) over the whole feasible set, both bending signs, both branches, to 1e-9 mm."""
     rng = np.random.default_rng(2)
     worst = 0.0
     for h in (0.0, 2.4, 11.35, 22.0, 40.0):
         model = finger(h)
-        left, right = rng.uniform(0.0, 0.1, (2, 20_000))
+        left, right = rng.uniform(0.0, 0.1, (2, count))
         for racks in zip(left.tolist(), right.tolist(), strict=True):
             if model.kernel.clamp(*racks) != racks:
                 continue
@@ -200,7 +201,7 @@ def test_the_global_minimum_along_the_boundary_is_found(corrected, x, y) -> None
     model = finger(corrected=corrected)
     found = model.inverse(tip_target(x, y), (0.05, 0.05))
     away = math.inf
-    for left, right in itertools.product(np.linspace(0.0, 0.1, 401).tolist(), repeat=2):
+    for left, right in itertools.product(np.linspace(0.0, 0.1, 201).tolist(), repeat=2):
         arc_length_m = 0.5 * (left + right)
         if arc_length_m >= 1e-3:
             bend = (right - left) / (model.rack_spacing_m * arc_length_m)
@@ -278,7 +279,7 @@ def test_levenberg_marquardt_agrees_with_the_closed_form_where_it_converges() ->
     assert arc is not None
     start = (arc[1] / 1e3, arc[0] * 1e3)
     iterations = []
-    for i in range(360):
+    for i in range(150):
         phi = 2 * math.pi * i / 360
         x, y = 50 + 20 * math.cos(phi), 70 + 20 * math.sin(phi)
         found = solve(x, y, 22, start=start)
@@ -292,7 +293,7 @@ def test_levenberg_marquardt_agrees_with_the_closed_form_where_it_converges() ->
     assert 2.5 < np.mean(iterations) < 4.5  # reference A5: 3.42
     rng = np.random.default_rng(0)
     wrong = 0
-    for _ in range(60):
+    for _ in range(30):
         racks = model.kernel.clamp(*rng.uniform(0.02, 0.1, 2).tolist())
         tip = model.forward(racks).tip_m
         found = solve(tip[0] * 1e3, tip[1] * 1e3, 22, start=(0.01, 50))

@@ -67,7 +67,6 @@ def test_the_target_that_moved_by_8_mm_of_rack():
         )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("count", [pytest.param(10, marks=pytest.mark.campaign), 3])
 def test_no_neighbour_with_the_same_tip_is_nearer_to_home(count):
     """SLSQP from the answer and around it finds no lower distance at the same tip within the limits."""

@@ -10,6 +10,7 @@ import pytest
 
 from contid.errors import BadInputError, Located
 from contid.robot_file.load import parse_robot_file
+from tests.support.robot_configs import FAMILIES
 
 #: A campaign sets this to tens of thousands; the short form keeps CI quick.
 ROUNDS = int(os.environ.get("CONTID_BROKEN_FILES", "25"))
@@ -58,9 +59,7 @@ def robot_files() -> list[Path]:
     "file",
     [
         # Emulated ones differ in their ports.
-        pytest.param(
-            file, marks=pytest.mark.campaign if file.stem.endswith(".emulated") else (), id=file.stem
-        )
+        pytest.param(file, marks=() if file.stem in FAMILIES else pytest.mark.campaign, id=file.stem)
         for file in robot_files()
     ],
 )

@@ -61,7 +61,7 @@ def test_it_is_driven_beside_the_model(name: str, tmp_path: Path, configs: Path)
     rest = [robot.quantity.from_si(each) for each in robot.rest]
 
     def run(end: float) -> subprocess.CompletedProcess[str]:
-        rows = [(0.0, *rest, low), (10.0, *rest, end)]
+        rows = [(0.0, *rest, low), (5.0, *rest, end)]
         text = "\n".join([",".join(["t_s", *columns]), *(",".join(map(repr, row)) for row in rows)])
         return contid_in(tmp_path, "run", f"{name}.yaml", "--virtual", "--log", "log.csv", stdin=text)
 

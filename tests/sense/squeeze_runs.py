@@ -26,7 +26,7 @@ BEFORE: Final = Target(tip_m=(0.030, 0.075, 0.0))
 BEHIND: Final = Target(tip_m=(0.055, 0.075, 0.0))
 FACE_MM: Final = 40.0
 #: Ticks of the orders in `closing`.
-AT_BEFORE, AT_CLOSE = 100, 400
+AT_BEFORE, AT_CLOSE = 20, 100
 
 
 def hand_text(stiffness_n_per_mm: float | None = 1.0, *, sense: str = SENSE, until_s: float = 0.0) -> str:
@@ -98,7 +98,7 @@ def closing(
 def run(
     loaded: LoadedFile,
     orders: Mapping[int, Sequence[msg.Message]],
-    seconds: float = 10.0,
+    seconds: float = 5.0,
     friction_in_contact: float = 1.0,
 ) -> Run:
     """Run in virtual time; from the touch on, friction is another one by a factor."""

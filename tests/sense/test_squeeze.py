@@ -44,7 +44,7 @@ def arrived(found: Run) -> bool:
     ],
 )
 def test_the_object_feels_the_force_asked_for_and_no_more(stiffness: float, friction: float) -> None:
-    found = run(hand(stiffness), closing(GOAL_N), friction_in_contact=friction)
+    found = run(hand(stiffness), closing(GOAL_N), 8.0, friction)
     assert ends(found) == ["reached"]
     assert arrived(found)
     last = np.array(found.push_n[-400:])
@@ -91,43 +91,43 @@ def test_no_sequence_of_forces_exceeds_the_jerk() -> None:
 
 
 def test_an_object_that_is_taken_away_is_an_event_and_the_finger_stays() -> None:
-    found = run(hand(3.0, until_s=8.0), closing(GOAL_N))
+    found = run(hand(3.0, until_s=4.0), closing(GOAL_N))
     assert ends(found) == ["reached", "lost"]
     assert found.states[-1].squeeze is None
     assert found.states[-1].mode is Mode.HOLD
-    assert np.ptp(found.commands[-300:], axis=0).max() == 0.0
+    assert np.ptp(found.commands[-100:], axis=0).max() == 0.0
 
 
 @pytest.mark.parametrize(
     "order", [msg.Hold(), pytest.param(msg.Resume(), marks=pytest.mark.campaign), msg.Stop(), msg.Estop()]
 )
 def test_any_order_releases_the_force(order: msg.Message) -> None:
-    found = run(hand(3.0), closing(GOAL_N, {1600: [order]}))
+    found = run(hand(3.0), closing(GOAL_N, {750: [order]}))
     assert ends(found) == ["reached"]
-    assert found.states[1590].squeeze is not None
-    assert found.states[1700].squeeze is None
-    assert np.ptp(found.commands[-200:], axis=0).max() == 0.0
+    assert found.states[740].squeeze is not None
+    assert found.states[800].squeeze is None
+    assert np.ptp(found.commands[-150:], axis=0).max() == 0.0
 
 
 def test_an_order_during_the_closing_ends_it() -> None:
-    found = run(hand(3.0), closing(GOAL_N, {600: [msg.Hold()]}), seconds=5.0)
+    found = run(hand(3.0), closing(GOAL_N, {300: [msg.Hold()]}), seconds=2.5)
     assert ends(found) == []
     assert not arrived(found)
     assert max(found.push_n) == 0.0
-    found = run(hand(3.0), closing(GOAL_N, {600: [msg.Goto("left", BEFORE)]}), seconds=6.0)
+    found = run(hand(3.0), closing(GOAL_N, {300: [msg.Goto("left", BEFORE)]}), seconds=4.0)
     assert ends(found) == []
     assert found.states[-1].squeeze is None
     assert arrived(found)
 
 
 def test_a_second_force_on_the_way_closes_again() -> None:
-    found = run(hand(3.0), closing(GOAL_N, {600: [msg.Goto("left", BEHIND, 4.0)]}))
+    found = run(hand(3.0), closing(GOAL_N, {300: [msg.Goto("left", BEHIND, 4.0)]}))
     assert ends(found) == ["reached"]
     assert found.push_n[-1] == pytest.approx(4.0, rel=0.15)
 
 
 def test_no_object_up_to_the_target_is_no_arrival() -> None:
-    found = run(hand(None), closing(GOAL_N), 12.0)
+    found = run(hand(None), closing(GOAL_N), 8.0)
     assert ends(found) == ["nothing"]
     assert not arrived(found)
     model = build_robot_configs(hand(None), RATE_HZ)[0].model
@@ -140,15 +140,15 @@ def test_a_force_that_friction_hides_and_a_begin_in_contact_are_reported() -> No
     assert not arrived(weak)
     inside = Target(tip_m=(0.042, 0.075, 0.0))
     again = run(
-        hand(3.0), closing(5.0, {AT_CLOSE: [msg.Goto("left", inside)], 700: [msg.Goto("left", BEHIND, 5.0)]})
+        hand(3.0), closing(5.0, {AT_CLOSE: [msg.Goto("left", inside)], 400: [msg.Goto("left", BEHIND, 5.0)]})
     )
     assert ends(again) == ["pressed"]
-    assert again.push_n[690] > 1.0
+    assert again.push_n[390] > 1.0
     assert max(again.push_n) < 10.0
 
 
 def test_another_force_while_it_holds_is_refused_and_the_first_one_stays() -> None:
-    found = run(hand(3.0), closing(GOAL_N, {1600: [msg.Goto("left", BEHIND, 5.0)]}))
+    found = run(hand(3.0), closing(GOAL_N, {750: [msg.Goto("left", BEHIND, 5.0)]}))
     assert ends(found) == ["reached"]
     refused = [event.message for event in found.events if isinstance(event, OrderRefused)]
     assert refused == ["left: it holds an object; move back from it first"]
@@ -166,7 +166,7 @@ def test_another_force_while_it_holds_is_refused_and_the_first_one_stays() -> No
 def test_what_cannot_be_done_is_refused(sense: str | None, target: Target, message: str) -> None:
     loaded = hand(3.0) if sense is None else hand(3.0, sense=sense)
     orders = {**closing(1.0), AT_CLOSE: [msg.Goto("left", target, 1.0)]}
-    found = run(loaded, orders, 3.0)
+    found = run(loaded, orders, 1.0)
     refused = [event.message for event in found.events if isinstance(event, OrderRefused)]
     assert len(refused) == 1
     assert message in refused[0]
@@ -182,13 +182,13 @@ def test_the_contact_at_its_object_starts_no_policy() -> None:
 
 
 def test_it_replays_bit_for_bit(tmp_path: Path) -> None:
-    path = record_virtual(tmp_path / "s.mcap", hand(3.0, until_s=8.0), None, closing(GOAL_N), ticks=2000)
+    path = record_virtual(tmp_path / "s.mcap", hand(3.0, until_s=4.0), None, closing(GOAL_N), ticks=900)
     session = Session(path)
     kinds = [event.what for event in session.events() if isinstance(event, SqueezeChanged)]
     assert kinds == ["reached", "lost"]
     result = replay(session, session.robot_file())
     assert (result.divergence, result.stopped) == (None, "")
-    assert result.ticks == 2000
+    assert result.ticks == 900
 
 
 def test_the_simulated_finger_is_in_balance_within_its_friction() -> None:

@@ -218,7 +218,7 @@ class BadDriver(SimDriver):
 
 DRIVER = BadDriver()
 #: Environment variable with a file for the ids of the processes that have imported this module.
-IMPORTED = "CONTID_BAD_IMPORTED"
+IMPORTED = "BAD_DRIVER_IMPORTED"
 if IMPORTED in os.environ:
     with Path(os.environ[IMPORTED]).open("a") as file:
         file.write(f"{os.getpid()}\n")

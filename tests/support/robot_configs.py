@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 import numpy as np
+import pytest
 
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
@@ -12,6 +16,14 @@ from contid.targets import Actuation, Target, Vec3
 RATE = 100.0
 #: Limits may be exceeded by rounding.
 SLACK = 1.0 + 1e-6
+#: Shipped robots of each family: racks, tubes with an extra axis and in a chain, chambers, tendons of one
+#: section and of three.
+FAMILIES = ("catheter", "cbha", "chain", "finger", "hand", "stiffflop2", "tendon3", "trirack2")
+
+
+def one_of_each_family(names: Iterable[str]) -> list[Any]:
+    """Parameters of a test of shipped robots: CI tries those of `FAMILIES`, campaigns the others too."""
+    return [pytest.param(name, marks=() if name in FAMILIES else pytest.mark.campaign) for name in names]
 
 
 def config_of(name: str) -> RobotConfig:

@@ -28,7 +28,7 @@ def hand() -> dict[str, RobotDescription]:
     return dict(load_robot_file(Path(__file__).parent.parent.parent / "configs" / "hand.yaml").file.robots)
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=75, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(rows=ROWS)
 def test_rows_of_anything(hand: dict[str, RobotDescription], rows: list[str]) -> None:
     text = "t_s,left.x_mm,left.y_mm\n" + "\n".join(rows)
@@ -45,7 +45,7 @@ def test_rows_of_anything(hand: dict[str, RobotDescription], rows: list[str]) ->
         assert len(trajectory) == sum(1 for row in rows if row.strip() and not row.lstrip().startswith("#"))
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=75, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(text=st.text(max_size=200))
 def test_any_text(hand: dict[str, RobotDescription], text: str) -> None:
     with pytest.raises(BadInputError) as caught:

@@ -34,7 +34,7 @@ def approach_of(axes: list[tuple[float, float, float, tuple[float, float]]]) -> 
     return Approach(start, velocity, goal, (1.0,) * len(axes), accelerations, jerks)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=75, deadline=None)
 @given(axes=axes_at_rest)
 def test_from_standstill_it_takes_as_long_as_ruckig(
     axes: list[tuple[float, float, float, tuple[float, float]]],
@@ -43,7 +43,7 @@ def test_from_standstill_it_takes_as_long_as_ruckig(
     assert motion_of(axes).duration == pytest.approx(best.duration_s, rel=1e-5, abs=1e-9)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=75, deadline=None)
 @given(axes=moving_axes)
 def test_from_any_velocity_it_ends_at_the_goal_within_the_limits(
     axes: list[tuple[float, float, float, tuple[float, float]]],

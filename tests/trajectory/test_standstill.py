@@ -49,7 +49,7 @@ def check(motion: JerkLimitedStop, velocity: tuple[float, ...], scale: float = 1
     assert np.allclose(speed, 0.0, rtol=0.0, atol=1e-7 * scale)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(velocity=st.tuples(speeds, speeds))
 def test_a_stop_ends_at_rest_from_any_velocity(velocity: tuple[float, float]) -> None:
     motion = stop(START, velocity)
@@ -57,7 +57,7 @@ def test_a_stop_ends_at_rest_from_any_velocity(velocity: tuple[float, float]) ->
     check(motion, velocity)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(velocity=st.tuples(speeds, speeds))
 def test_a_stop_keeps_its_limits_and_its_derivatives_agree(velocity: tuple[float, float]) -> None:
     motion = stop(START, velocity)
@@ -70,7 +70,7 @@ def test_a_stop_keeps_its_limits_and_its_derivatives_agree(velocity: tuple[float
     assert np.abs(np.diff(push, axis=0)).max(initial=0.0) <= JERK * step * (1 + 1e-6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(
     velocity=st.tuples(speeds, speeds),
     acceleration=st.tuples(st.floats(-ACCELERATION, ACCELERATION), st.floats(-ACCELERATION, ACCELERATION)),
@@ -105,7 +105,7 @@ def test_ties_standstill_and_limits_are_stopped_like_everything_else() -> None:
         assert motion.duration_s == pytest.approx(max(alone[each] for each in velocity), rel=1e-7)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(
     speed=MAGNITUDES,
     ratio=st.floats(-1.0, 1.0).map(lambda ratio: round(ratio, 3)),

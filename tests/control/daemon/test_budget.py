@@ -17,9 +17,10 @@ from contid.control.daemon.run import run
 from contid.control.daemon.run_request import RunRequest
 from contid.control.daemon.tick_times import check_budget, measure_budget
 from contid.control.engine import engine
+from contid.control.engine.cycle import Sink
 from contid.control.tick import robot_tick
 from contid.errors import ContidError
-from contid.robot_file.load import load_named, parse_robot_file, with_mock
+from contid.robot_file.load import LoadedFile, load_named, parse_robot_file, with_mock
 from tests.support.fingers import fingers
 
 BURNT_S = 2e-3
@@ -61,7 +62,7 @@ def test_a_tick_that_does_not_fit_is_found_and_named(monkeypatch: pytest.MonkeyP
     loaded = with_mock(load_named("hand"))
     check_budget(loaded, loaded.file.rate_hz, "stream")
     burn(monkeypatch)
-    found = measure_budget(loaded, 200.0, 0.1, 0.5, ("hold", "stream"))
+    found = measure_budget(loaded, 200.0, 0.05, 0.25, ("hold", "stream"))
     for cost in found.costs:
         assert all(BURNT_S <= took_s < 3.0 * BURNT_S for took_s in cost.robots_s.values())
     with pytest.raises(ContidError, match=r"hand.yaml: a tick takes .* at most \d+ Hz fit"):
@@ -78,6 +79,13 @@ def test_a_run_that_does_not_fit_is_refused_before_anything_starts(monkeypatch: 
 def test_check_prints_shares_and_refuses(monkeypatch: pytest.MonkeyPatch) -> None:
     burn(monkeypatch)
     monkeypatch.setattr("contid.control.daemon.measured_run.LEAST_TICKS", 4)
+
+    def short(
+        loaded: LoadedFile, rate_hz: float, virtual_s: float, longest_s: float, records: Sink
+    ) -> Budget:
+        return measure_budget(loaded, rate_hz, 0.1 * virtual_s, 0.3 * longest_s, records=records)
+
+    monkeypatch.setattr("contid_sessions.tick_budget.measure_budget", short)
     done = CliRunner().invoke(command, ["hand", "--budget", "--json"])
     assert done.exit_code == 2  # 4 ms of 5, and the wire takes 0.9
     motions = json.loads(done.stdout)["budget"]["motions"]

@@ -14,7 +14,6 @@ import pytest
 from contid.control.daemon.report_builder import ReportBuilder
 from contid.control.engine.events.run import RunFailed, StopBegan
 from tests.control.daemon.ended_control import LIBRARY, at_start, control_of, ended
-from tests.support.command import environment
 from tests.support.daemons import armed
 from tests.support.daemons import fast_daemon as daemon
 from tests.support.waiting import until
@@ -56,13 +55,14 @@ if "contid.control.process" in sys.orig_argv:
 """
 
 
-def test_ctrl_c_while_a_bus_opens_is_no_defect_of_its_driver(tmp_path: Path) -> None:
+def test_ctrl_c_while_a_bus_opens_is_no_defect_of_its_driver(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     """The signal comes inside the driver, whose own `SystemExit` would be a defect."""
-    (tmp_path / "sitecustomize.py").write_text(OPENING)
-    folders = os.pathsep.join((str(tmp_path), environment()["PYTHONPATH"]))
+    at_start(monkeypatch, tmp_path, OPENING)
     command = [sys.executable, "-m", "contid", "run", "finger", "--mock", "--json"]
     with subprocess.Popen(
-        command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": folders}, text=True,
+        command, cwd=tmp_path, text=True,
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     ) as running:  # fmt: skip
         until((tmp_path / "opening").exists, "the bus opens")

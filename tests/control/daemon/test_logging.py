@@ -39,6 +39,7 @@ def hand(tmp_path: Path, configs: Path) -> Iterator[Path]:
     """The shipped hand on emulated servos, one of them with old firmware."""
     text = (configs / "hand.emulated.yaml").read_text().replace("./hand.tty", str(tmp_path / "hand.tty"))
     path = tmp_path / "hand.yaml"
+    text = text.replace("rate_hz: 200\n", "rate_hz: 50\n")
     path.write_text(text.replace("    baud: 1000000\n", "    baud: 1000000\n    usb_latency_ms: 15\n"))
     (bus,) = wired_buses(load_robot_file(path))
     bench = Bench(bus.wiring.name, bus.wiring.options, bus.axes)  # type: ignore[arg-type]

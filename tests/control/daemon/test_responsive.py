@@ -32,7 +32,7 @@ class Source:
         control.interrupt()
 
 look("before")
-run(RunRequest("hand", mock=True, commands=[Source()]))
+run(RunRequest("finger", mock=True, commands=[Source()]))
 look("after")
 print(json.dumps(found))
 """

@@ -195,6 +195,6 @@ def test_a_driver_that_hangs_ends_the_run_and_a_slow_one_does_not(
             assert "stands still; it is killed" in messages
         else:
             with running.client() as client:
-                until(lambda: (client.status()["tick"] or 0) > 400, "it ticks")
+                until(lambda: (client.status()["tick"] or 0) > 180, "it ticks")
                 assert not client.status()["stalled"]
             assert "it is killed" not in running.end()

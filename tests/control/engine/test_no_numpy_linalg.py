@@ -19,6 +19,7 @@ from contid.robot_file.load import load_robot_file, with_mock
 from contid.targets import Target, vec3
 from tests.control.engine.streamed import Run
 from tests.golden.make import CONFIGS, RATE_HZ, names, trajectory
+from tests.support.robot_configs import one_of_each_family
 
 
 @dataclasses.dataclass
@@ -61,7 +62,7 @@ class Silent:
         """See `contid.control.engine.cycle.Sink`."""
 
 
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize("name", one_of_each_family(names()))
 def test_a_timed_path(name: str, watch: Watch) -> None:
     loaded = with_mock(load_robot_file(CONFIGS / f"{name}.yaml"))
     path = trajectory(loaded, RATE_HZ)
@@ -72,14 +73,16 @@ def test_a_timed_path(name: str, watch: Watch) -> None:
     for verb in (None, Hold(), Resume(), Stop()):
         if verb is not None:
             engine.obey(verb, process.tick)
-        for _ in range(120):
+        for _ in range(80):
             process.begin()
             process.turn()
     assert engine.robots.states[0].mode is not Mode.FAULT
     assert not watch.found
 
 
-@pytest.mark.parametrize("name", [name for name in names() if name not in ("chain", "hand")])
+@pytest.mark.parametrize(
+    "name", one_of_each_family(name for name in names() if name not in ("chain", "hand"))
+)
 def test_a_stream_with_jumps_and_stops(name: str, watch: Watch) -> None:
     run = Run(name)
     loaded = with_mock(load_robot_file(CONFIGS / f"{name}.yaml"))

@@ -92,7 +92,6 @@ def test_what_counts_as_off_the_path() -> None:
     assert (tally.off_m, tally.off_target_m) == (1e-3, 3e-3)
 
 
-@pytest.mark.slow
 def test_a_nearest_point_that_is_not_reached_ends_the_run_with_a_fault() -> None:
     """A last target out of reach counts by the nearest point; a robot of 2 mm/s is far from that."""
     slow = fingers(1).replace("velocity_mm_s: 100,", "velocity_mm_s: 2,")
@@ -105,7 +104,6 @@ def test_a_nearest_point_that_is_not_reached_ends_the_run_with_a_fault() -> None
         assert report.robots["f0"]["fault"] == (Fault.TIP_OFF_TARGET if exit_code else Fault.NONE)
 
 
-@pytest.mark.slow
 def test_a_target_that_was_within_reach_when_it_was_checked_and_is_not_in_the_run() -> None:
     """The nearest point is reached, which is enough only for a trajectory that was not refused anything."""
     loaded = load(1)

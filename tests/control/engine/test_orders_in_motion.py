@@ -14,7 +14,7 @@ from contid.targets import Target, Vec3
 from tests.control.engine.streamed import Followed, Run, middle
 
 #: Times into a fast line to and fro at which the order comes: about a turning point, and in the middle.
-TIMES_S = (2.0, *(pytest.param(time_s, marks=pytest.mark.campaign) for time_s in (1.9, 2.15)))
+TIMES_S = (1.2, *(pytest.param(time_s, marks=pytest.mark.campaign) for time_s in (1.9, 2.0, 2.15)))
 ROBOTS = ("finger", "trirack", "stiffflop1")
 
 
@@ -50,7 +50,7 @@ def holds_its_limits(run: Run, axes: list[np.ndarray]) -> bool:
 def test_a_stop_begins_with_the_present_acceleration(name: str, order: Hold | Stop, seconds: float) -> None:
     run, axes = moving(name, seconds)
     run.engine.obey(order, run.process.tick)
-    goes_on(run, axes, 1.0)
+    goes_on(run, axes, 0.6)
     assert holds_its_limits(run, axes)
 
 
@@ -62,7 +62,7 @@ def test_a_goto_begins_with_the_acceleration_of_the_stop_before_it(name: str, se
     goes_on(run, axes, 3 * run.config.period_s)
     goal = Target(tip_m=run.config.frame.point_in_world(middle(run)))
     run.engine.obey(Goto(run.config.name, goal), run.process.tick)
-    goes_on(run, axes, 1.0)
+    goes_on(run, axes, 0.6)
     assert holds_its_limits(run, axes)
     assert run.mode is Mode.HOLD
     assert math.dist(run.config.model.forward(tuple(axes[-1])).tip_m, middle(run)) < 1e-4

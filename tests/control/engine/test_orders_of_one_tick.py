@@ -22,8 +22,8 @@ from contid.robot_file.load import parse_robot_file
 from contid_drivers.sim.bus import SimBus
 from tests.support.fingers import circle, fingers, load
 
-AT, LONG = 400, 600
-LOST = "faults: [{at_s: 2.0, kind: lost, for_s: 9}]"
+AT, LONG = 200, 320
+LOST = "faults: [{at_s: 1.0, kind: lost, for_s: 9}]"
 
 
 class Seen:
@@ -86,12 +86,12 @@ def run(
 def test_an_order_after_a_stop_of_the_same_tick_does_not_replace_its_rest(
     first: msg.Message, after: list[msg.Message], mode: Mode, asked: list[str]
 ) -> None:
-    seen = run({AT: [first, *after]}, fails_at=200)
+    seen = run({AT: [first, *after]}, fails_at=120)
     assert (seen.state.mode, seen.done(), seen.powered) == (mode, asked, set())
 
 
 def test_an_emergency_stop_drops_what_was_to_be_cleared_before_it() -> None:
-    seen = run({AT: [msg.ClearFault(), msg.Estop()]}, fails_at=200)
+    seen = run({AT: [msg.ClearFault(), msg.Estop()]}, fails_at=120)
     assert (seen.state.mode, seen.done(), seen.powered) == (Mode.FAULT, ["RELAX"], set())
 
 
@@ -123,7 +123,7 @@ def test_a_fault_while_a_robot_stops_does_not_forget_the_stop(later: int) -> Non
 
 
 def test_a_stop_does_not_ask_devices_at_rest_to_hold() -> None:
-    seen = run({AT: [msg.Estop()], AT + 50: [msg.Stop(policy=StopPolicy.HOLD)]}, fails_at=200)
+    seen = run({AT: [msg.Estop()], AT + 50: [msg.Stop(policy=StopPolicy.HOLD)]}, fails_at=120)
     assert (seen.state.mode, seen.done()) == (Mode.FAULT, ["RELAX"])
 
 
@@ -175,19 +175,19 @@ def test_a_stop_is_answered_by_a_stronger_one_that_goes_on(who: tuple[str, ...] 
 
 
 def test_a_hold_does_not_withdraw_a_relax_that_a_lost_bus_has_to_get() -> None:
-    options = "watchdog_ms: 5000\nfaults: [{at_s: 2.0, kind: lost, for_s: 0.2}]"
+    options = "watchdog_ms: 5000\nfaults: [{at_s: 1.0, kind: lost, for_s: 0.2}]"
     orders: dict[int, list[msg.Message]] = {
         AT + 10: [msg.Estop()],
         AT + 20: [msg.Stop(policy=StopPolicy.HOLD)],
     }
-    seen = run(orders, text=fingers(1, options=options), ticks=900)
+    seen = run(orders, text=fingers(1, options=options), ticks=450)
     ((policy, words),) = stronger(seen)
     assert (policy, seen.done(), seen.powered) == ("relax", ["RELAX"], set())
     assert "is sent to its devices when their bus is back" in words
 
 
 def test_the_end_of_a_run_rests_a_robot_in_fault_by_its_own_policy_too() -> None:
-    seen = run({AT: [msg.Finish(StopPolicy.RELAX)]}, fails_at=200)
+    seen = run({AT: [msg.Finish(StopPolicy.RELAX)]}, fails_at=120)
     assert (seen.state.mode, seen.done(), seen.powered) == (Mode.FAULT, ["RELAX"], set())
 
 
@@ -221,9 +221,9 @@ def test_an_order_to_stop_whose_model_fails_stops_and_rests_all_the_same(
 @pytest.mark.parametrize("on_fault", ["hold", "relax"])
 @pytest.mark.parametrize("ordered", [True, False])
 def test_a_rest_that_did_not_reach_a_lost_bus_is_sent_when_it_is_back(ordered: bool, on_fault: str) -> None:
-    options = "watchdog_ms: 5000\nfaults: [{at_s: 2.0, kind: lost, for_s: 0.2}]"
+    options = "watchdog_ms: 5000\nfaults: [{at_s: 1.0, kind: lost, for_s: 0.2}]"
     text = fingers(1, options=options, on_fault=on_fault)
-    seen = run({AT + 10: [msg.Estop()] if ordered else []}, text=text, ticks=900)
+    seen = run({AT + 10: [msg.Estop()] if ordered else []}, text=text, ticks=450)
     assert seen.state.fault is Fault.DEVICE_LOST
     # By `hold` nothing is asked: it would close the valves of an arm that its watchdog let vent.
     relaxed = ordered or on_fault == "relax"
@@ -248,13 +248,13 @@ def test_an_emergency_stop_in_the_tick_of_an_internal_error_reaches_the_devices(
 
 def test_a_stop_that_was_overtaken_does_not_act_on_a_robot_armed_again() -> None:
     orders: dict[int, list[msg.Message]] = {
-        202: [msg.Stop(policy=StopPolicy.RELAX)],
-        203: [msg.Stop(policy=StopPolicy.VENT)],
+        122: [msg.Stop(policy=StopPolicy.RELAX)],
+        123: [msg.Stop(policy=StopPolicy.VENT)],
         AT: [msg.ClearFault()],
         AT + 10: [msg.Resume()],
         AT + 100: [msg.Hold()],
     }
-    seen = run(orders, fails_at=200)
+    seen = run(orders, fails_at=120)
     assert (seen.state.mode, seen.state.fault, len(seen.powered)) == (Mode.HOLD, Fault.NONE, 2)
     assert seen.done() == ["CLEAR", "ENABLE"]
 

@@ -75,7 +75,14 @@ def test_the_slow_path_keeps_the_limits_of_the_axes() -> None:
     assert max(map(abs, changes)) <= 1.0 * (1.0 + 1e-9)
 
 
-@pytest.mark.parametrize("fault", ["kind: scaled, share: 0.0", "kind: stall", "kind: slow, share: 0.02"])
+@pytest.mark.parametrize(
+    "fault",
+    [
+        "kind: scaled, share: 0.0",
+        pytest.param("kind: stall", marks=pytest.mark.campaign),
+        "kind: slow, share: 0.02",
+    ],
+)
 def test_a_body_that_does_not_come_along_is_a_fault(fault: str) -> None:
     report, seen = follow(fault)
     assert report.exit_code == 3
@@ -127,7 +134,7 @@ def test_the_terminal_shows_it() -> None:
     assert event_text(event) == "f0: follows again"
 
 
-@pytest.mark.parametrize("seed", [26, 38])
+@pytest.mark.parametrize("seed", [26, pytest.param(38, marks=pytest.mark.campaign)])
 def test_points_on_a_slowed_path_keep_the_acceleration_and_one_and_a_half_of_the_jerk(seed: int) -> None:
     """Random points amid earlier ways, while a body lags: by motion rules 5 the jerk is 7.5 and 2.7 of it."""
     random = Random(seed)

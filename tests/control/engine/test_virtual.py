@@ -28,7 +28,7 @@ from tests.support.fingers import Collector, circle, load
 RATE = 200.0
 
 
-@pytest.mark.parametrize("count", [1, 2, 6])
+@pytest.mark.parametrize("count", [1, 2, pytest.param(6, marks=pytest.mark.campaign)])
 def test_the_same_input_gives_the_same_bytes(count: int, tmp_path: Path) -> None:
     logs = []
     for attempt in range(2):
@@ -59,7 +59,7 @@ def axis_path(seen: Collector, robot: int = 0, axis: int = 0) -> list[float]:
     return [v for v in values if not math.isnan(v)]
 
 
-@pytest.mark.parametrize("interrupt_at", [None, 60, 260, 300])
+@pytest.mark.parametrize("interrupt_at", [None, 60, 260, pytest.param(300, marks=pytest.mark.campaign)])
 def test_commands_never_jump(interrupt_at: int | None) -> None:
     """Velocity, acceleration and, over the whole run, no step that the limits do not allow."""
     loaded = load(1, on_interrupt="rest")

@@ -94,6 +94,7 @@ SIMILAR = (
     "hang in a loop", "slow in a loop", "slow with the GIL", "forks", "forks that compute",
     "flood of stderr", "None", "text as values", "no samples", "other axes", "open exits", "disable hangs",
     "abort", "flood of stdout", "a daemon", "descriptors closed",
+    "raise of its own", "sys.exit", "SIGSTOP", "text", "threads", "two of it",
 )  # fmt: skip
 TRIED = [
     pytest.param(kind, marks=[pytest.mark.campaign] if kind in SIMILAR else [], id=kind)

@@ -25,13 +25,8 @@ from tests.support.waiting import until
 pytestmark = [pytest.mark.process, pytest.mark.realtime, pytest.mark.slow]
 
 ROOT = Path(__file__).parents[3]
-#: What the models do, one after another, and the fault of their robots.
-KINDS = {
-    "exit 0": Fault.MODEL_ENDED,
-    "segfault": Fault.MODEL_ENDED,
-    "hang with the GIL": Fault.MODEL_TOO_SLOW,
-    "slow": Fault.MODEL_TOO_SLOW,
-}
+#: What the models do, one after another, and the fault of their robots; test_isolated_models has other kinds.
+KINDS = {"segfault": Fault.MODEL_ENDED, "hang with the GIL": Fault.MODEL_TOO_SLOW}
 
 
 def environment(folder: Path) -> dict[str, str]:

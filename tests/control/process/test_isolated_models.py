@@ -98,7 +98,7 @@ SIMILAR = (
     "SIGTERM", "hang in a loop", "slow", "slow in a loop", "slow with the GIL", "forks", "forks that compute",
     "computes for long", "flood of stderr", "text", "no axes", "None as residual", "text as an axis",
     "build exits", "abort", "flood of stdout", "a daemon", "descriptors closed", "too few axes",
-    "a number as axes",
+    "a number as axes", "sys.exit", "SIGSTOP", "threads", "two of it", "build raises",
 )  # fmt: skip
 TRIED = [
     pytest.param(kind, marks=[pytest.mark.campaign] if kind in SIMILAR else [], id=kind)

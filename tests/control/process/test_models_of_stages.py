@@ -27,7 +27,7 @@ from contid_contact.stage import ContactStage
 from tests.support.broken.broken_run import BadModel
 from tests.support.fingers import Collector, circle_csv, fingers
 
-BROKEN_FROM, TICKS = 250, 400
+BROKEN_FROM, TICKS = 150, 270
 Deed = Callable[[TickCosts], Callable[..., Any]]
 
 CLEARANCE = """\
@@ -210,7 +210,7 @@ def kept_apart() -> LoadedFile:
 def test_the_others_move_again_when_the_body_is_known(heals: bool) -> None:
     run = StagedRun(kept_apart())
     run.break_model(unanswered, "shape")
-    records = run.go(order=Resume(("f0",)), at=330, heals=320 if heals else TICKS)
+    records = run.go(order=Resume(("f0",)), at=220, heals=210 if heals else TICKS)
     assert (records[-1].robots[0].mode is Mode.HOLD) is not heals
     assert len(run.refused()) == (2 if heals else 3)
     assert run.faults() == [("f1", "MODEL_TOO_SLOW")]

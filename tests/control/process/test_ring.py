@@ -109,7 +109,7 @@ from pathlib import Path
 from contid.control.process.ring_writer import RingWriter
 from tests.control.process.test_ring import values
 writer, contents = RingWriter(Path(sys.argv[1])), values(3)
-for _ in range(40_000):
+for _ in range(15_000):
     writer.write(contents)
 writer.finish()
 """
@@ -126,7 +126,7 @@ def test_the_number_of_records_never_falls_while_another_process_writes(path: Pa
                 assert written >= last, f"{written} after {last}"
                 last = written
     assert process.returncode == 0
-    assert reader.written == 40_000
+    assert reader.written == 15_000
     reader.close()
 
 
@@ -213,7 +213,7 @@ def test_events_longer_than_a_slot_arrive_complete_or_marked_as_cut(path: Path) 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rounds", [pytest.param(40, marks=pytest.mark.campaign), 10])
+@pytest.mark.parametrize("rounds", [pytest.param(40, marks=pytest.mark.campaign), 5])
 def test_a_slow_reader_never_joins_parts_of_different_events(path: Path, rounds: int) -> None:
     writer, reader = RingWriter(path), RingReader(path)
     dice, written, read = random.Random(4), 0, []

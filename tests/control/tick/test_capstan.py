@@ -89,7 +89,7 @@ def both(request: pytest.FixtureRequest) -> tuple[np.ndarray, np.ndarray]:
     (config,) = build_robot_configs(file, 100.0)
     errors = []
     for each in (config, replace(config, play=None, capstan=None)):
-        asked, got = followed(each, Emulated(file), 400)
+        asked, got = followed(each, Emulated(file), 320)
         errors.append(np.abs(got - asked)[150:].max(axis=1))
     return errors[0], errors[1]
 
@@ -107,7 +107,7 @@ def test_every_tendon_stays_taut_and_below_its_limit(configs):
     file = loaded(configs, "    friction: {capstan: [0.1]}\n")
     (config,) = build_robot_configs(file, 100.0)
     emulated = Emulated(file)
-    followed(config, emulated, 200)
+    followed(config, emulated, 120)
     assert isinstance(config.model, TendonModel)
     assert config.model.statics is not None
     tensions = emulated.plant.tensions_ma() / (1470.0 / 0.52 * 0.010)

@@ -63,7 +63,15 @@ def jump(config: RobotConfig, start: Actuation, target: Target, steps: Actuation
     return Jump(path, tips, ever, math.dist(tips[-1], target.tip_m) <= 5e-5)
 
 
-@pytest.mark.parametrize("name", OFF_M)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "finger",
+        "trirack2",
+        "stiffflop2",
+        *(pytest.param(each, marks=pytest.mark.campaign) for each in ("cbha", "trirack")),
+    ],
+)
 def test_the_tip_stays_on_the_chord_of_a_jump(name: str) -> None:
     config, rng = config_of(name), np.random.default_rng(16)
     for _ in range(3):
@@ -94,12 +102,12 @@ def test_a_direction_turns_with_the_tip() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["finger", "trirack", "trirack2"])
+@pytest.mark.parametrize("name", ["finger", "trirack", pytest.param("trirack2", marks=pytest.mark.campaign)])
 def test_where_the_chord_leaves_the_reach_the_limits_of_the_model_hold(name: str) -> None:
     """Whole range, bend radius included; the arm arrives, on the axes' own line if need be."""
     config, rng = config_of(name), np.random.default_rng(7)
     strayed = 0
-    for _ in range(2 if name == "trirack2" else 6):
+    for _ in range(2 if name == "trirack2" else 4):
         start, tip_m = postures(config, rng, 0.05, 0.95, 0.3)
         found = jump(config, start, Target(tip_m=tip_m))
         assert found.arrived
@@ -153,7 +161,9 @@ def test_an_axis_near_its_end_brakes_by_itself() -> None:
         assert command[0] <= left.upper
 
 
-@pytest.mark.parametrize("name", ["finger", "trirack", "cbha", "stiffflop2"])
+@pytest.mark.parametrize(
+    "name", ["finger", "trirack", "stiffflop2", pytest.param("cbha", marks=pytest.mark.campaign)]
+)
 def test_a_robot_at_rest_catches_up_with_a_target_that_goes_on(name: str) -> None:
     """The target begins a part of its way ahead and needs the speed of several ticks' acceleration."""
     config = config_of(name)

@@ -36,7 +36,7 @@ def run(limits: AxisLimits, targets: list[float], start: float) -> list[tuple[fl
     return out
 
 
-@settings(max_examples=400)
+@settings(max_examples=200)
 @given(
     st.lists(WILD, min_size=1, max_size=60),
     st.floats(-1.0, 1.0),
@@ -57,7 +57,7 @@ def test_every_limit_holds_for_any_input(
         last, last_step = command, now
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(st.lists(WILD, min_size=1, max_size=60), st.floats(1.0, 4.0), st.booleans(), st.floats(1e-3, 1.0))
 def test_outside_a_limit_only_inward(targets: list[float], start: float, below: bool, change: float) -> None:
     limits = AxisLimits(-1.0, 1.0, 0.3, change)

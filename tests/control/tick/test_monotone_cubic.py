@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator
 
@@ -24,6 +24,7 @@ tables = st.lists(st.tuples(step, step), min_size=1, max_size=8).flatmap(
 )
 
 
+@settings(max_examples=50)
 @given(table=tables)
 def test_equals_scipy(table):
     x, y = table
@@ -32,6 +33,7 @@ def test_equals_scipy(table):
     assert [curve(float(v)) for v in at] == pytest.approx(oracle(at), abs=1e-10)
 
 
+@settings(max_examples=50)
 @given(table=tables, share=st.floats(0.0, 1.0))
 def test_inverse_meets_its_value(table, share):
     x, y = table

@@ -44,7 +44,6 @@ def refused(loaded: LoadedFile, trajectory: Trajectory, rate_hz: float = RATE) -
     return []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("header", "rows", "line", "message"),
     [
@@ -92,7 +91,7 @@ lengths = st.integers(45, 75).map(float)
 
 
 @pytest.mark.slow
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(
     steps=st.lists(st.sampled_from([0.001, 0.01, 0.05, 0.2, 0.5, 1.0]), min_size=1, max_size=6),
     points=st.lists(st.tuples(lengths, lengths), min_size=7, max_size=7),
@@ -208,7 +207,7 @@ def test_an_extra_axis_may_be_behind_by_its_speed_in_20_ms_or_in_a_tick(rate_hz:
     assert follower._behind(late, goal, target) == pytest.approx([0.0] * (len(goal) - 1) + [0.5])
 
 
-@pytest.mark.parametrize("slower", [0.7, 1.5, 2.0])
+@pytest.mark.parametrize("slower", [0.7, 1.5, pytest.param(2.0, marks=pytest.mark.campaign)])
 def test_what_is_accepted_on_the_axis_of_the_arm_is_followed(
     slower: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -123,10 +123,10 @@ def test_the_static_error_of_a_wrong_model_is_removed_without_overshoot(case: st
     for feedback in cases:
         loaded, truth = build(feedback)
         rig = Rig(loaded, truth)
-        rig.run(8.0, Target(tip_m=first))
+        rig.run(5.0, Target(tip_m=first))
         start = np.mean(rig.tips[-100:], axis=0)
         began = len(rig.tips)
-        rig.run(8.0, Target(tip_m=second))
+        rig.run(6.0, Target(tip_m=second))
         rig.close()
         # The regulators are noisy: the static error is that of the mean.
         rest = np.mean(rig.tips[-400:], axis=0)
@@ -143,7 +143,7 @@ def test_the_static_error_of_a_wrong_model_is_removed_without_overshoot(case: st
 def test_without_the_tracker_it_falls_back_to_the_open_loop_within_a_second_and_without_a_jump() -> None:
     loaded, truth = finger({})
     rig = Rig(loaded, truth)
-    rig.run(6.0, Target(tip_m=(0.030, 0.070, 0.0)))
+    rig.run(4.0, Target(tip_m=(0.030, 0.070, 0.0)))
     open_loop = rig.config.model.inverse(Target(tip_m=(0.030, 0.070, 0.0)), rig.config.rest).actuation
     before = rig.engine.robots.states[0].command
     assert max(abs(a - b) for a, b in zip(before, open_loop, strict=True)) > 1e-4
@@ -196,7 +196,7 @@ def test_a_measurement_counts_from_its_capture() -> None:
 def test_noise_of_the_tracker_is_filtered_and_a_wild_measurement_is_bounded() -> None:
     loaded, truth = finger({"limit_mm": 5.0})
     rig = Rig(loaded, truth, noise_mm=0.3)
-    rig.run(8.0, Target(tip_m=(0.030, 0.070, 0.0)))
+    rig.run(6.0, Target(tip_m=(0.030, 0.070, 0.0)))
     settled = np.array(rig.tips[-400:])
     assert np.max(settled.std(axis=0)) < 0.15e-3
     rig.tracking = False
@@ -210,7 +210,7 @@ def test_noise_of_the_tracker_is_filtered_and_a_wild_measurement_is_bounded() ->
 def test_it_is_off_by_default() -> None:
     loaded, truth = finger(None)
     rig = Rig(loaded, truth)
-    rig.run(3.0, Target(tip_m=(0.030, 0.070, 0.0)))
+    rig.run(1.5, Target(tip_m=(0.030, 0.070, 0.0)))
     rig.close()
     assert rig.engine.robots.states[0].correction.error_m == (0.0, 0.0, 0.0)
 
@@ -229,6 +229,6 @@ def test_a_mirrored_base_measures_in_the_world() -> None:
     )
     rig = Rig(loaded, truth)
     target = BaseFrame.of(mirrored.base).point_in_world((0.030, 0.070, 0.0))
-    rig.run(8.0, Target(tip_m=target))
+    rig.run(5.0, Target(tip_m=target))
     rig.close()
     assert math.dist(rig.tips[-1], target) < 1e-4

@@ -16,7 +16,9 @@ from contid.robot_file.document import RobotFile
 from contid.targets import ZERO3
 from contid_ropes.ph.model import PhModel
 
-ROBOTS = ("finger", "trirack", "trirack2", "cbha", "cbha.ph", "stiffflop1", "stiffflop2")
+#: `trirack2` has the kernel of `cbha`.
+ROBOTS = ("finger", "trirack", "cbha", "cbha.ph", "stiffflop1", "stiffflop2")
+ROBOTS_OF_CAMPAIGNS = (pytest.param("trirack2", marks=pytest.mark.campaign),)
 ROWS = 24
 LOAD = (0.02, -0.03, -0.04)
 #: Answers to redundant tasks are settled to 1e-7 bar; out of reach they are found to about 2e-6 bar.
@@ -24,7 +26,7 @@ SETTLED_PA = 0.2
 RESIDUAL_M = 1e-10
 
 
-@pytest.fixture(scope="module", params=ROBOTS)
+@pytest.fixture(scope="module", params=[*ROBOTS, *ROBOTS_OF_CAMPAIGNS])
 def model(request: pytest.FixtureRequest) -> Model:
     name, _, solver = request.param.partition(".")
     raw = yaml.safe_load((Path(__file__).parents[3] / "configs" / f"{name}.yaml").read_text())
@@ -164,7 +166,6 @@ def test_no_rows_give_no_rows(model: Model) -> None:
     assert len(inverse_many(model, Targets.of(np.empty((0, 3))), np.zeros(axes)).rows) == 0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("model", ["finger"], indirect=True)
 @pytest.mark.parametrize("rows", [pytest.param(3000, marks=pytest.mark.campaign), 600])
 def test_tips_of_all_sizes_of_a_finger(model: Model, rows: int) -> None:
@@ -176,7 +177,6 @@ def test_tips_of_all_sizes_of_a_finger(model: Model, rows: int) -> None:
     assert_same_answers(model, Targets.of(tips), box(model, 1), False, 2)
 
 
-@pytest.mark.slow
 def test_the_number_of_threads_changes_nothing(model: Model) -> None:
     tips = Targets.of(reached(model, 80))
     one, many = (inverse_many(model, tips, box(model, 1), threads=count) for count in (1, 7))

@@ -16,7 +16,8 @@ from contid.robot_file.document import RobotFile
 CONFIGS = Path(__file__).parents[3] / "configs"
 #: One for each kernel with batches; three blocks of rows, so that every thread gets one.
 ROBOTS = (
-    *("finger", "trirack", "trirack2", "stiffflop1", "tendon3"),
+    *("finger", "trirack", "stiffflop1", "tendon3"),
+    pytest.param("trirack2", marks=pytest.mark.campaign),  # that of trirack
     pytest.param("ftdcr_v4", marks=pytest.mark.campaign),  # that of tendon3
 )
 ROWS = 70

@@ -20,7 +20,7 @@ def test_every_frame_that_can_be_reached_is_met(name: str) -> None:
     model = shipped(name)
     assert model.statics is not None
     seed = (0.0,) * model.geometry.tendons
-    for bends in random_bends(model, 200, seed=31):
+    for bends in random_bends(model, 80, seed=31):
         tip, _, _ = placed(model, bends)
         frame = frame_of(model, bends)
         found = model.inverse(Target(tip_m=vec(tip), rotation=tuple(frame.ravel().tolist())), seed)

@@ -59,7 +59,7 @@ def travelled(geometry: TendonGeometry, bends: np.ndarray) -> tuple[np.ndarray, 
 
 def test_tip_and_tendons_are_those_of_the_integrated_backbone():
     rng = np.random.default_rng(3)
-    for _ in range(5):
+    for _ in range(2):
         bends = rng.uniform(-1.5, 1.5, 6)
         tip, shortened = travelled(UNEVEN, bends)
         np.testing.assert_allclose(forward(UNEVEN, bends).tip_m, tip, atol=1e-9)

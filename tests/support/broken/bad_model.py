@@ -138,7 +138,7 @@ class BadModelPlugin:
 
 MODEL = BadModelPlugin()
 #: Environment variable with a file for the ids of the processes that have imported this module.
-IMPORTED = "CONTID_BAD_MODEL_IMPORTED"
+IMPORTED = "BAD_MODEL_IMPORTED"
 if IMPORTED in os.environ:
     with Path(os.environ[IMPORTED]).open("a") as file:
         file.write(f"{os.getpid()}\n")

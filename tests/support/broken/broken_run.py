@@ -18,8 +18,8 @@ from contid.hal import Sample
 from contid.targets import Target
 from tests.support.fingers import Collector, circle, load
 
-BROKEN_FROM = 250
-TICKS = 400
+BROKEN_FROM = 150
+TICKS = 270
 #: Last records of the robot; its servos have stopped then.
 END = 20
 

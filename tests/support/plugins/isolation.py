@@ -27,7 +27,7 @@ from tests.support.plugins import forked
 # Time is measured in benchmarks/, on a machine that may be busy.
 # Examples are the same at every run: the commit alone decides whether it passes. Others are drawn with
 # ``--hypothesis-profile=random``.
-settings.register_profile("contid", deadline=None, derandomize=True)
+settings.register_profile("contid", deadline=None, derandomize=True, max_examples=60)
 settings.register_profile("random", deadline=None)
 settings.load_profile("contid")
 # `nohup` and a shell's `&` ignore signals in what they start: in the tests, and so in the daemons of tests.

@@ -14,14 +14,14 @@ from tests.support.fingers import Collector, circle, load, run_virtual
 
 F0, F1 = ("f0",), ("f1",)
 #: A tick in the middle of the circle, one after the circle would have ended, and the last one of the run.
-STOPPED, RESUMED, LAST = 400, 1400, 2600
+STOPPED, RESUMED, LAST = 250, 700, 1250
 
 
 def run(count: int, orders: Mapping[int, Sequence[Message]]) -> Collector:
-    """A circle of 4 s with orders by tick."""
+    """A circle of 2 s with orders by tick."""
     loaded = load(count)
     collector = Collector(loaded)
-    path = circle(loaded, period_s=4.0)
+    path = circle(loaded, period_s=2.0)
     run_virtual(loaded, 200.0, path, sinks=[collector], orders=orders, ticks=LAST)
     return collector
 
@@ -40,8 +40,18 @@ def off_the_circle_m(collector: Collector, robot: int) -> float:
     return most
 
 
-@pytest.mark.parametrize("stop", [Hold, Stop, Estop])
-@pytest.mark.parametrize("goes_on", [F0, None])
+@pytest.mark.parametrize(
+    ("stop", "goes_on"),
+    [
+        (Hold, F0),
+        (Stop, None),
+        (Estop, F0),
+        *(
+            pytest.param(*each, marks=pytest.mark.campaign)
+            for each in ((Hold, None), (Stop, F0), (Estop, None))
+        ),
+    ],
+)
 def test_the_only_robot_stopped_by_its_name_goes_on_where_it_stopped(
     stop: type[Hold] | type[Stop] | type[Estop], goes_on: tuple[str, ...] | None
 ) -> None:
@@ -71,17 +81,17 @@ def test_robots_stopped_one_after_the_other_stop_their_path() -> None:
     times = {record.tick: record.source_s for record in went.records}
     assert times[STOPPED + 20] > times[STOPPED], "the second one goes on without the first"
     assert times[STOPPED + 30] == times[RESUMED]
-    assert times[RESUMED + 200] > times[RESUMED], "and does so again"
+    assert times[RESUMED + 100] > times[RESUMED], "and does so again"
 
 
 def test_of_robots_stopped_together_one_that_is_resumed_waits_for_the_other() -> None:
-    went = run(2, {STOPPED: [Hold()], RESUMED: [Resume(F0)], RESUMED + 300: [Resume(F1)]})
+    went = run(2, {STOPPED: [Hold()], RESUMED: [Resume(F0)], RESUMED + 150: [Resume(F1)]})
     times = {record.tick: record.source_s for record in went.records}
-    assert times[STOPPED + 1] == times[RESUMED + 300]
-    assert times[RESUMED + 600] > times[RESUMED]
+    assert times[STOPPED + 1] == times[RESUMED + 150]
+    assert times[RESUMED + 250] > times[RESUMED]
 
 
-SILENT = "faults:\n  - {at_s: 2.0, for_s: 0.2, kind: silent, axis: f0.left}\n"
+SILENT = "faults:\n  - {at_s: 1.25, for_s: 0.2, kind: silent, axis: f0.left}\n"
 
 
 @pytest.mark.parametrize("goes_on", [F0, None])
@@ -93,8 +103,8 @@ def test_after_a_fault_it_goes_on_where_it_stopped(goes_on: tuple[str, ...] | No
         100: [Hold()], 120: [Resume(None)], RESUMED - 100: [ClearFault()], RESUMED: [Resume(goes_on)],
     }  # fmt: skip
     path = circle(loaded, period_s=4.0)
-    run_virtual(loaded, 200.0, path, sinks=[collector], orders=orders, ticks=LAST)
+    run_virtual(loaded, 200.0, path, sinks=[collector], orders=orders, ticks=1500)
     times = {record.tick: record.source_s for record in collector.records}
-    assert times[420] == times[RESUMED] < path.end_s
+    assert times[270] == times[RESUMED] < path.end_s
     assert off_the_circle_m(collector, 0) < 2e-3, "the silent servo stopped beside its command"
     assert [event["event"] for event in collector.events if event["event"] == "end"] == ["end"]

@@ -71,11 +71,11 @@ def started(name: str) -> Run:
     return run
 
 
-@pytest.mark.parametrize("name", BEYOND_M)
+@pytest.mark.parametrize("name", ["trirack2", "stiffflop2", pytest.param("cbha", marks=pytest.mark.campaign)])
 def test_a_row_out_of_reach_that_stands_is_searched_for_once(name: str) -> None:
     run = started(name)
     asked = counted(run, MOTION_RULES)
-    commands = streamed(run, [beyond(name, 0.3)] * 2500)
+    commands = streamed(run, [beyond(name, 0.3)] * 1400)
     assert commands[-1] == commands[-100]
     asked.inverse = asked.follow = 0
     streamed(run, [beyond(name, 0.3)] * 100)
@@ -108,16 +108,16 @@ def test_by_older_rules_the_answer_is_kept_for_the_same_question_only() -> None:
 def test_the_nearest_pose_is_followed_and_not_searched_for(name: str) -> None:
     """As near as a search from many postures finds; far fewer searches than ticks."""
     run = started(name)
-    streamed(run, [beyond(name, 0.3)] * 2500)
+    streamed(run, [beyond(name, 0.3)] * 1200)
     asked = counted(run, MOTION_RULES)
     path = [beyond(name, 0.3 + 0.02 * math.sin(0.01 * k)) for k in range(300)]
     streamed(run, path)
     assert asked.inverse < 50 < 200 < asked.follow
-    streamed(run, [path[-1]] * 2000)
+    streamed(run, [path[-1]] * 1000)
     model, tip_m = run.config.model, path[-1]
     random, low, high = np.random.default_rng(7), np.array(run.config.model.lower), np.array(model.upper)
     left_m = []
-    for _ in range(20):
+    for _ in range(8):
         seed = tuple((low + random.uniform(0.0, 1.0, len(low)) * (high - low)).tolist())
         left_m.append(model.inverse(Target(tip_m=tip_m), seed).residual_m)
     reached_m = model.forward(run.engine.robots.states[0].command).tip_m
@@ -129,7 +129,7 @@ def test_a_target_that_comes_back_within_reach_is_met() -> None:
     home_m = run.config.model.forward(run.config.rest).tip_m
     streamed(run, [beyond("trirack2", 0.4)] * 600)
     asked = counted(run, MOTION_RULES)
-    streamed(run, [home_m] * 1500)
+    streamed(run, [home_m] * 1000)
     reached_m = run.config.model.forward(run.engine.robots.states[0].command).tip_m
     assert math.dist(reached_m, home_m) < 1e-6
     assert asked.follow <= 1

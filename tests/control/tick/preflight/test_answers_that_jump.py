@@ -91,14 +91,14 @@ def followed(tips: Array) -> Followed:
 
 def test_the_tip_stays_on_its_line_while_the_answer_jumps() -> None:
     rng, jumps = np.random.default_rng(1), 0
-    for _ in range(5):
+    for _ in range(3):
         found = followed(line(rng, 0.3, 0.01))
         jumps += found.jumps
         assert not found.late_m
     assert jumps > 0
 
 
-@pytest.mark.parametrize("number", [23, 27])
+@pytest.mark.parametrize("number", [pytest.param(23, marks=pytest.mark.campaign), 27])
 def test_a_late_tip_is_about_as_near_as_the_limits_allow(number: int) -> None:
     """Lines to the empty arm at 2 mm/s: an axis at 0 bar turns the answers, and axes need time to turn."""
     rng = np.random.default_rng(1)

@@ -54,7 +54,14 @@ def test_a_line_on_which_answers_jump_is_refused_at_any_speed() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["ftdcr_v4", "tendon3", "trirack2", "cbha"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "ftdcr_v4",
+        "trirack2",
+        *(pytest.param(each, marks=pytest.mark.campaign) for each in ("tendon3", "cbha")),
+    ],
+)
 def test_lines_near_straight_poses_are_followed_or_refused(name: str) -> None:
     loaded, rng = with_mock(load_named(name)), np.random.default_rng(12)
     accepted = 0
