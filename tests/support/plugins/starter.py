@@ -177,6 +177,11 @@ def _set_files(numbers: list[int], descriptors: list[int]) -> None:
     for source, number in zip(moved, numbers, strict=True):
         os.dup2(source, number, inheritable=True)
         os.close(source)
+    open_streams()
+
+
+def open_streams() -> None:
+    """Open the standard streams anew, whose descriptors are others now."""
     for number, name, like in ((0, "stdin", sys.stdin), (1, "stdout", sys.stdout), (2, "stderr", sys.stderr)):
         stream = _open(number, name, like)
         setattr(sys, name, stream)
@@ -285,7 +290,11 @@ def _start_by(connection: socket.socket) -> None:
 
 def _run(module: str) -> int:
     """Run a module as the main program up to the end of the interpreter; its exit code."""
-    code = _call(module)
+    return finish(_call(module))
+
+
+def finish(code: int) -> int:
+    """What the interpreter does at its end; the exit code."""
     import atexit
     import threading
 
