@@ -15,8 +15,8 @@ from typing import Any, Final
 import pytest
 
 ROOT: Final = Path(__file__).parents[3]
-#: Files that took 13 s and more by the clock of a run with four workers on two cores, the longest first. Those
-#: of `SHARING` are one; the contract, whose devices keep real deadlines, waits until all workers have started.
+#: Files that took 13 s and more by the clock of a run with four workers on two cores, the longest first.
+#: Those of `SHARING` are one; the contract, whose devices keep real deadlines, waits until all have started.
 LONGEST: Final = (
     "extras/panel/tests/page/test_page_moves.py", "extras/fleet/tests/test_client.py",
     "extras/bringup/tests/test_bringup_command.py", "extras/panel/tests/test_security.py",

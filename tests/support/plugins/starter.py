@@ -69,6 +69,8 @@ LIBRARIES: Final = (
     ),
     *("zstandard", "lz4.frame", "psutil", "serial", "ruamel.yaml", "uvicorn", "websockets.asyncio.client"),
 )
+#: The variable with the modules that are imported in place of all these, for a few commands.
+ONLY: Final = "STARTER_IMPORTS"
 #: A program of a test (`tests.support.command.program`).
 PROGRAM: Final = "tests.support.plugins.program"
 #: How a ``sitecustomize.py`` begins that may as well run after contid has been imported.
@@ -345,10 +347,11 @@ def _call(module: str) -> int:
 
 def main() -> None:
     """Import, then serve the process at the other end of a socket."""
-    for name in PACKAGES:
+    only = os.environ.get(ONLY)
+    for name in PACKAGES if only is None else ():
         with suppress(ImportError):
             import_all(importlib.import_module(name))
-    for name in LIBRARIES:
+    for name in LIBRARIES if only is None else only.split():
         with suppress(ImportError):
             importlib.import_module(name)
     assert len([*Path("/proc/self/task").iterdir()]) == 1, "a library started a thread"
