@@ -12,6 +12,7 @@ from tests.support.command import contid_in, emulating
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
+@pytest.mark.slow
 def test_two_arms_on_four_boards_swing_their_rope(tmp_path: Path, configs: Path) -> None:
     # Four emulated boards share two cores with other tests, and the user may lack real-time priority.
     text = (configs / "chain.emulated.yaml").read_text()

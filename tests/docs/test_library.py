@@ -58,6 +58,7 @@ def test_the_five_lines_move_the_hand(tmp_path: Path) -> None:
     assert (x_mm, y_mm) == pytest.approx((10.0, 80.0), abs=1.0)
 
 
+@pytest.mark.slow
 def test_the_examples_run_in_order(tmp_path: Path) -> None:
     page = (ROOT / "docs" / "library.md").read_text()
     blocks = re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
