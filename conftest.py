@@ -17,7 +17,7 @@ ROOT = Path(__file__).parent
 pytest_plugins = (
     "tests.support.plugins.isolation",
     "tests.support.plugins.tiers",
-    "tests.support.plugins.compiled",
+    "tests.support.plugins.workers",
     "tests.support.plugins.budget",
     "tests.support.plugins.order",
     "tests.support.plugins.reruns",

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.plugins import starter
+
 pytestmark = pytest.mark.process
 
 ROOT = Path(__file__).parent.parent
@@ -62,7 +64,11 @@ def outcome(folder: Path, first: str) -> str:
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"],
         cwd=folder,
-        env={**environment, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "drivers")))},
+        env={
+            **environment,
+            "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "drivers"))),
+            starter.ONLY: "contid.entry",
+        },
         capture_output=True,
         text=True,
         timeout=90,

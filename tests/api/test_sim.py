@@ -122,7 +122,13 @@ def test_steps_keep_the_rates_of_the_file() -> None:
         assert end.tip == pytest.approx(Robot("finger").fk(end.measured).tip, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", ["hand", "chain", "trirack2", "cbha", "stiffflop2", "tendon3"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("hand", "trirack2", "stiffflop2", "tendon3"),
+        *(pytest.param(name, marks=pytest.mark.campaign) for name in ("chain", "cbha")),
+    ],
+)
 def test_every_robot_holds_where_it_is_armed_then_goes_to_its_rest_pose(name: str) -> None:
     robot = Robot(name)
     rest: dict[str, Any] = {each: robot[each].limits.rest for each in robot.names}

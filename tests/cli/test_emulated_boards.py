@@ -12,6 +12,7 @@ from tests.support.command import contid_in, emulating
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 
+@pytest.mark.slow
 def test_two_arms_on_four_boards_swing_their_rope(tmp_path: Path, configs: Path) -> None:
     # Four emulated boards share two cores with other tests, and the user may lack real-time priority.
     text = (configs / "chain.emulated.yaml").read_text()
@@ -19,7 +20,7 @@ def test_two_arms_on_four_boards_swing_their_rope(tmp_path: Path, configs: Path)
     (tmp_path / "chain.yaml").write_text(
         text.replace("role: pressure}", "role: pressure, tolerance_ticks: 8, watchdog_ms: 500}")
     )
-    rows = contid_in(tmp_path, "path", "swing", "--period", "4", "--size", "30", "--for", "chain.yaml")
+    rows = contid_in(tmp_path, "path", "swing", "--period", "2", "--size", "15", "--for", "chain.yaml")
     assert rows.returncode == 0, rows.stderr
     (tmp_path / "swing.csv").write_text(rows.stdout)
     with emulating(tmp_path, "chain.yaml", wire="due"):

@@ -48,6 +48,7 @@ def test_the_papers_paths_run(name, tmp_path):
 @pytest.mark.parametrize(
     ("name", "z_mm"), [pytest.param("tendon3", 280, marks=pytest.mark.campaign), ("stiffflop2", 110)]
 )
+@pytest.mark.slow
 def test_a_real_run_frees_its_kernels(name, z_mm, tmp_path):
     """Its process runs with a frozen collector: what a cycle of references keeps, nanobind reports."""
     rows = tmp_path / "rest.csv"

@@ -42,7 +42,7 @@ def shell(line: str, folder: Path, **environment: str) -> subprocess.CompletedPr
             pytest.param(command, marks=pytest.mark.campaign)
             for command in ("path circle --center 50,70 --radius 20 --period 4", "ik finger rows.csv")
         ),
-        "check finger",
+        pytest.param("check finger", marks=pytest.mark.campaign),
     ],
 )
 def test_a_full_disk_is_named(command: str, tmp_path: Path) -> None:
@@ -64,7 +64,7 @@ def test_a_reader_that_goes_away_is_no_failed_comparison(command: str, tmp_path:
 
 @pytest.mark.parametrize(
     "redirection",
-    [">&-", *(pytest.param(each, marks=pytest.mark.campaign) for each in ("2>&-", "<&-")), "<&- >&- 2>&-"],
+    [*(pytest.param(each, marks=pytest.mark.campaign) for each in (">&-", "2>&-", "<&-")), "<&- >&- 2>&-"],
 )
 def test_closed_streams_are_empty_ones(redirection: str, tmp_path: Path) -> None:
     assert (

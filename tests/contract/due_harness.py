@@ -17,10 +17,12 @@ from contid_drivers.due.bus import DueBus
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from contid_emulate.due import DueEmulator
 
+#: Of boards and hosts that share the machine with other tests.
+WATCHDOG_S = 0.3
 COUNT = math.tau / 4776.0
-MOTORS = Facts(DeviceKind.MOTOR, 2 * COUNT, 12 * COUNT, 0.2, 60.0, 0.45, 0.2, 0.0, Rest.RELAX)
+MOTORS = Facts(DeviceKind.MOTOR, 2 * COUNT, 12 * COUNT, 0.2, 60.0, 0.45, WATCHDOG_S, 0.0, Rest.RELAX)
 # 3 bar on 12 bit are 75 Pa a step.
-REGULATORS = Facts(DeviceKind.REGULATOR, 300.0, 1500.0, 15_000.0, 150_000.0, 0.4, 0.2, 0.3, Rest.VENT)
+REGULATORS = Facts(DeviceKind.REGULATOR, 300.0, 1500.0, 15_000.0, 150_000.0, 0.4, WATCHDOG_S, 0.3, Rest.VENT)
 REGULATOR = {
     "calibration": [[0, 0], [100, 3]],
     "readback": [[600, 0], [3000, 3]],
@@ -43,7 +45,9 @@ class DueRig(RealTimeRig):
             for axis, number in self._channels.items()
         ]
         role = Role.MOTOR if letter == "m" else Role.PRESSURE
-        options = DueBusOptions(port=str(port), role=role, watchdog_ms=200, latency_ms=60.0)
+        options = DueBusOptions(
+            port=str(port), role=role, watchdog_ms=round(1e3 * WATCHDOG_S), latency_ms=60.0
+        )
         self.emulator = DueEmulator(options, axes)
         self.bus = DueBus("board", options, axes, MonotonicClock())
 

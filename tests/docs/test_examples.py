@@ -36,6 +36,7 @@ STARTED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.process
 @pytest.mark.realtime
 @pytest.mark.parametrize("page", STARTED)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
 import sys
@@ -11,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from contid.remote.protocol.socket_path import is_listening
+from tests.support.command import environment, program
 from tests.support.waiting import until
 
 pytestmark = pytest.mark.process
@@ -18,14 +18,8 @@ pytestmark = pytest.mark.process
 ROOT = Path(__file__).parent.parent.parent
 
 
-def environment(folder: Path) -> dict[str, str]:
-    path = [str(ROOT), str(ROOT / "drivers"), os.environ.get("PYTHONPATH", "")]
-    return {
-        **os.environ,
-        "MPLBACKEND": "Agg",
-        "XDG_RUNTIME_DIR": str(folder),
-        "PYTHONPATH": os.pathsep.join(path),
-    }
+def variables(folder: Path) -> dict[str, str]:
+    return {**environment(), "MPLBACKEND": "Agg", "XDG_RUNTIME_DIR": str(folder)}
 
 
 def test_the_page_begins_with_what_to_do() -> None:
@@ -42,15 +36,15 @@ def test_the_five_lines_move_the_hand(tmp_path: Path) -> None:
     assert len(lines) == 5
     daemon = [sys.executable, "-m", "contid", "run", "hand", "--mock"]
     running = subprocess.Popen(
-        daemon, cwd=tmp_path, env=environment(tmp_path), stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        daemon, cwd=tmp_path, env=variables(tmp_path), stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
     try:
         socket = tmp_path / "contid" / "hand.sock"
         until(lambda: is_listening(socket), "the daemon listens")
         done = subprocess.run(
-            [sys.executable, "-c", block],
+            program(block),
             cwd=tmp_path,
-            env=environment(tmp_path),
+            env=variables(tmp_path),
             capture_output=True,
             text=True,
             timeout=100,
@@ -64,22 +58,15 @@ def test_the_five_lines_move_the_hand(tmp_path: Path) -> None:
     assert (x_mm, y_mm) == pytest.approx((10.0, 80.0), abs=1.0)
 
 
+@pytest.mark.slow
 def test_the_examples_run_in_order(tmp_path: Path) -> None:
     page = (ROOT / "docs" / "library.md").read_text()
     blocks = re.findall(r"^```python\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
-    script = tmp_path / "page.py"
-    script.write_text("\n".join(blocks))
+    code = "import warnings\nwarnings.simplefilter('error')\n" + "\n".join(blocks)
     done = subprocess.run(
-        [sys.executable, "-W", "error", str(script)],
+        program(code),
         cwd=tmp_path,
-        env={
-            **os.environ,
-            "MPLBACKEND": "Agg",
-            "XDG_RUNTIME_DIR": str(tmp_path),
-            "PYTHONPATH": os.pathsep.join(
-                [str(ROOT), str(ROOT / "drivers"), os.environ.get("PYTHONPATH", "")]
-            ),
-        },
+        env=variables(tmp_path),
         capture_output=True,
         text=True,
         timeout=200,

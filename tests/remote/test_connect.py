@@ -25,7 +25,7 @@ pytestmark = pytest.mark.process
 
 STRANGER = 54321
 LISTEN = """
-import os, socket, sys
+import json, os, socket, sys
 os.setgid({uid}); os.setuid({uid})
 s = socket.socket(socket.AF_UNIX); s.bind(sys.argv[1]); os.chmod(sys.argv[1], 0o666); s.listen()
 print("ready", flush=True)
@@ -33,8 +33,8 @@ while True:
     c, _ = s.accept()
     try:
         c.sendall(b'{{"event":"hello","protocol":2}}\\n')
-        while c.recv(1 << 16):
-            c.sendall(b'{{"id":1,"ok":true,"result":{{}}}}\\n')
+        for line in c.makefile("rb"):
+            c.sendall(b'{{"id":%d,"ok":true,"result":{{}}}}\\n' % json.loads(line)["id"])
     except OSError:
         pass
 """

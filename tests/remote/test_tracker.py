@@ -61,6 +61,7 @@ def settled(client: Client) -> None:
     until(lambda: tick_of(client) > begun + 100, "half a second")
 
 
+@pytest.mark.slow
 def test_a_tracker_on_the_socket_takes_the_static_error_of_a_wrong_model_and_its_death_is_harmless(
     own_folder: Path,
 ) -> None:

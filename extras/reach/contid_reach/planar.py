@@ -59,8 +59,9 @@ def to_world(region: BaseGeometry, base: BasePose) -> BaseGeometry:
 def planar_regions(
     models: Mapping[str, RackFingerModel], bases: Mapping[str, BasePose]
 ) -> dict[str, BaseGeometry]:
-    """Regions of the tips of several fingers in the world frame [m]."""
-    return {name: to_world(finger_region(model), bases[name]) for name, model in models.items()}
+    """Regions of the tips of several fingers in the world frame [m]; that of one model is computed once."""
+    regions = {model: finger_region(model) for model in {*models.values()}}
+    return {name: to_world(regions[model], bases[name]) for name, model in models.items()}
 
 
 def overlapping(regions: Mapping[str, BaseGeometry]) -> dict[tuple[str, str], BaseGeometry]:

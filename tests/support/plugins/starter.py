@@ -54,6 +54,7 @@ PACKAGES: Final = (
         "contid_tendons",
     ),
     *("contid_adapt", "contid_identify", "contid_reach"),
+    *("contid_bringup", "contid_devices", "contid_emulate", "contid_manual", "contid_mocap"),
 )
 #: What functions of contid import when they are called.
 LIBRARIES: Final = (
@@ -68,7 +69,11 @@ LIBRARIES: Final = (
         "mcap.writer",
     ),
     *("zstandard", "lz4.frame", "psutil", "serial", "ruamel.yaml", "uvicorn", "websockets.asyncio.client"),
+    *("contid_camera", "contid_learn.options", "contid_view.options", "rich._emoji_codes"),
+    *("rich._unicode_data.unicode17-0-0", "encodings.ascii", "encodings.cp437"),
 )
+#: The variable with the modules that are imported in place of all these, for a few commands.
+ONLY: Final = "STARTER_IMPORTS"
 #: A program of a test (`tests.support.command.program`).
 PROGRAM: Final = "tests.support.plugins.program"
 #: How a ``sitecustomize.py`` begins that may as well run after contid has been imported.
@@ -177,6 +182,11 @@ def _set_files(numbers: list[int], descriptors: list[int]) -> None:
     for source, number in zip(moved, numbers, strict=True):
         os.dup2(source, number, inheritable=True)
         os.close(source)
+    open_streams()
+
+
+def open_streams() -> None:
+    """Open the standard streams anew, whose descriptors are others now."""
     for number, name, like in ((0, "stdin", sys.stdin), (1, "stdout", sys.stdout), (2, "stderr", sys.stderr)):
         stream = _open(number, name, like)
         setattr(sys, name, stream)
@@ -285,7 +295,11 @@ def _start_by(connection: socket.socket) -> None:
 
 def _run(module: str) -> int:
     """Run a module as the main program up to the end of the interpreter; its exit code."""
-    code = _call(module)
+    return finish(_call(module))
+
+
+def finish(code: int) -> int:
+    """What the interpreter does at its end; the exit code."""
     import atexit
     import threading
 
@@ -336,10 +350,11 @@ def _call(module: str) -> int:
 
 def main() -> None:
     """Import, then serve the process at the other end of a socket."""
-    for name in PACKAGES:
+    only = os.environ.get(ONLY)
+    for name in PACKAGES if only is None else ():
         with suppress(ImportError):
             import_all(importlib.import_module(name))
-    for name in LIBRARIES:
+    for name in LIBRARIES if only is None else only.split():
         with suppress(ImportError):
             importlib.import_module(name)
     assert len([*Path("/proc/self/task").iterdir()]) == 1, "a library started a thread"

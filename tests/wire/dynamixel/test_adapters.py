@@ -100,11 +100,10 @@ def test_a_write_through_a_late_adapter_is_not_confirmed_by_an_earlier_one(rig: 
 @pytest.mark.parametrize(
     "switches",
     [
-        [("latency", {"ms": 1})],
-        [("chunks", {"count": 7})],
-        [("latency", {"ms": 1}), ("chunks", {"count": 3})],
+        pytest.param([("latency", {"ms": 1})], marks=pytest.mark.campaign, id="1 ms latency timer"),
+        pytest.param([("chunks", {"count": 7})], marks=pytest.mark.campaign, id="chunks"),
+        pytest.param([("latency", {"ms": 1}), ("chunks", {"count": 3})], id="both"),
     ],
-    ids=["1 ms latency timer", "chunks", "both"],
 )
 @pytest.mark.parametrize("fast", ["auto", "off"])
 def test_batches_and_pieces_cost_no_sample(rig: Make, switches: Any, fast: str) -> None:

@@ -143,6 +143,7 @@ def test_kill_9_of_daemon_and_control_process_stops_every_servo(
     assert [emulator.servo(i).position_ticks for i in IDS] == stopped
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "message"),
     [

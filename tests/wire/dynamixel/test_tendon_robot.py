@@ -97,6 +97,7 @@ def test_a_snapped_tendon_leaves_the_others_in_balance(tmp_path: Path, configs: 
         np.testing.assert_allclose(moments, plant._bending * plant._bends, atol=least)
 
 
+@pytest.mark.slow
 @pytest.mark.process
 @pytest.mark.realtime
 @pytest.mark.timeout(180)
