@@ -22,7 +22,7 @@ SILENT: Final = "faults:\n  - {at_s: 2.0, for_s: 600.0, kind: silent, axis: f0.l
 LOOKS: Final[list[tuple[Literal["light", "dark"], int]]] = [
     ("light", 390), ("dark", 1280), ("light", 1280), ("dark", 390),
 ]  # fmt: skip
-#: With them every scheme and every width is seen; rules of one scheme at one width only are at rest too.
+#: With them every scheme and every width is seen; rules of one scheme at one width only are a campaign.
 BOTH: Final = LOOKS[:2]
 
 
@@ -43,8 +43,11 @@ def faulty() -> Iterator[PanelProcess]:
         yield served
 
 
-def test_a_page_at_rest(drawn: OpenPage) -> None:
-    assert problems(drawn, LOOKS) == []
+@pytest.mark.parametrize(
+    "looks", [BOTH, pytest.param(LOOKS[2:], marks=pytest.mark.campaign)], ids=["both", "others"]
+)
+def test_a_page_at_rest(drawn: OpenPage, looks: Sequence[tuple[Literal["light", "dark"], int]]) -> None:
+    assert problems(drawn, looks) == []
 
 
 def test_a_page_in_control(it: OpenPage) -> None:
