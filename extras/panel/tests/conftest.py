@@ -22,6 +22,9 @@ if TYPE_CHECKING:  # the other tests of the panel need no playwright
 RATE_HZ = 50
 
 
+#: Of a page that draws: it takes a program half as long as a page of the usual size.
+DRAWN: Final = {"width": 940, "height": 640}
+
 #: Its tests share one browser, one panel and one page that lends its modules: to start them takes 6 to 10 s
 #: of a processor.
 PAGES: Final = Path(__file__).parent / "page"
@@ -179,7 +182,7 @@ def tab(browser: Browser) -> Tab:
 @pytest.fixture(scope="module")
 def drawing_tab(drawing: Browser) -> Tab:
     """A page that draws the robots, which tests visit one after another."""
-    return KEPT.get("drawing tab", lambda: _tab(drawing))
+    return KEPT.get("drawing tab", lambda: _tab(drawing, viewport=DRAWN))
 
 
 @pytest.fixture

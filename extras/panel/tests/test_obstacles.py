@@ -1,13 +1,9 @@
-"""Obstacles on the page: where their shapes are, by scipy; and that a browser draws them."""
+"""Obstacles on the page: where their shapes are, by scipy."""
 
 from __future__ import annotations
 
-import io
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
-from matplotlib.image import imread
 from scipy.spatial.transform import Rotation
 
 from contid.robot_file.clearance import (
@@ -18,25 +14,7 @@ from contid.robot_file.clearance import (
     SphereDescription,
 )
 from contid_panel.obstacles import obstacle_shape
-from tests.support.daemons import armed, daemon
-from tests.support.panels import panel
-from tests.support.waiting import until
 
-pytestmark = pytest.mark.process
-
-if TYPE_CHECKING:
-    from playwright.sync_api import Browser
-
-    from tests.support.browser import OpenPage
-
-OBSTACLES = """
-clearance:
-  bodies:
-    f0: {radius_mm: 8}
-  obstacles:
-    crate: {box: {center_mm: [-100, 60, 0], size_mm: [40, 30, 20], yaw_deg: 30}}
-    ball: {sphere: {center_mm: [110, 60, 0], radius_mm: 20}}
-"""
 WORKSPACE = np.random.default_rng(1).uniform(-100.0, 100.0, (50, 3))
 
 
@@ -60,28 +38,3 @@ def test_each_kind_has_its_shapes() -> None:
     lines = np.array(obstacle_shape(wall, WORKSPACE)["lines"])
     assert lines.shape[1:] == (2, 3)
     assert lines[..., 2] == pytest.approx(-300.0)
-
-
-def brown_pixels(page: OpenPage) -> int:
-    """Pixels of the view in the colour of obstacles."""
-    shot = io.BytesIO(page.page.locator("#view").screenshot())
-    red, green, blue = np.moveaxis(imread(shot, format="png")[..., :3], -1, 0)
-    hue = (red > green + 0.06) & (green > blue + 0.02) & (red < blue + 0.33)
-    return int(np.count_nonzero(hue & (red < 0.75)))
-
-
-@pytest.mark.realtime
-@pytest.mark.parametrize("obstacles", ["", OBSTACLES])
-def test_a_browser_draws_them(drawing: Browser, obstacles: str) -> None:
-    from tests.support.browser import opened
-
-    with daemon(1, change=lambda text: text + obstacles) as running:
-        with running.client() as client:
-            armed(client)
-        with panel(running) as served, opened(drawing, served) as page:
-            page.state("f0", "HOLD")
-            if obstacles:
-                until(lambda: brown_pixels(page) > 400, "the obstacles are drawn")
-            else:
-                page.page.wait_for_timeout(1000)
-                assert brown_pixels(page) < 50

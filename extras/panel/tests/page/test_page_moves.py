@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from matplotlib.image import imread
 
 pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 
+from contid.kinematics.array import Array
 from tests.support.browser import OpenPage, Tab, tip_mm
 from tests.support.command import contid_in
 from tests.support.daemons import Running, armed_daemon, states
@@ -20,6 +22,29 @@ from tests.support.waiting import until
 
 #: Leases lapse in real time, and the browser shares the cores.
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
+
+
+OBSTACLES: Final = """
+clearance:
+  bodies:
+    f0: {radius_mm: 8}
+  obstacles:
+    crate: {box: {center_mm: [-100, 60, 0], size_mm: [40, 30, 20], yaw_deg: 30}}
+    ball: {sphere: {center_mm: [110, 60, 0], radius_mm: 20}}
+"""
+
+
+def colours(it: OpenPage) -> Array:
+    """Red, green and blue of the view, each (height, width), from 0 to 1."""
+    shot = io.BytesIO(it.page.locator("#view").screenshot())
+    return np.moveaxis(imread(shot, format="png")[..., :3], -1, 0)
+
+
+def brown_pixels(image: Array) -> int:
+    """Pixels in the colour of obstacles."""
+    red, green, blue = image
+    hue = (red > green + 0.06) & (green > blue + 0.02) & (red < blue + 0.33)
+    return int(np.count_nonzero(hue & (red < 0.75)))
 
 
 def commanded(running: Running, name: str) -> float:
@@ -79,7 +104,7 @@ def test_drag_of_the_target_in_the_view(drawn: OpenPage, running: Running) -> No
     before = tip_mm(running)
     cursor = "() => document.getElementById('view').style.cursor"
     # Look for the target as a person does: where the pointer becomes a hand.
-    grid = [(0.03 * i, 0.05 * k) for k in range(4, 17) for i in range(3, 30)]
+    grid = [(0.045 * i, 0.08 * k) for k in range(2, 11) for i in range(2, 20)]
     for across, down in grid:
         drawn.page.mouse.move(canvas["x"] + across * canvas["width"], canvas["y"] + down * canvas["height"])
         if drawn.page.evaluate(cursor) == "grab":
@@ -109,10 +134,10 @@ def test_the_robots_are_drawn(drawn: OpenPage) -> None:
     """
     assert drawn.page.locator("#view").get_attribute("data-drawn-by") == "a program"
     assert drawn.page.locator("#view-note").is_hidden()
-    shot = io.BytesIO(drawn.page.locator("#view").screenshot())
-    red, green, blue = np.moveaxis(imread(shot, format="png")[..., :3], -1, 0)
+    red, green, blue = image = colours(drawn)
     assert np.count_nonzero((blue > red + 0.35) & (blue > 0.6)) > 500
     assert np.count_nonzero((red > blue + 0.35) & (green > blue + 0.2)) > 500
+    assert brown_pixels(image) < 50
 
 
 def test_a_trajectory_is_shown_before_it_is_played(it: OpenPage, running: Running) -> None:
@@ -161,21 +186,31 @@ def test_poses_are_saved_and_gone_to(it: OpenPage, running: Running) -> None:
     it.page.keyboard.press("Escape")
 
 
-def test_a_recording_is_begun_ended_and_checked_for_playing_it_again(tab: Tab) -> None:
-    with armed_daemon(1) as running, panel(running) as served, tab.opened(served) as it:
-        card = it.page.locator("#recording")
+def test_a_recording_is_begun_ended_and_checked_for_playing_it_again(it: OpenPage, running: Running) -> None:
+    card = it.page.locator("#recording")
+    it.page.wait_for_selector("#recording button:enabled")
+    card.get_by_role("button", name="Record").click()
+    it.page.wait_for_selector("#recording li.live")
+    with running.client() as client:
+        (listed,) = client.status()["recordings"]
+    assert listed["by"].startswith("panel page")
+    assert Path(listed["file"]).name in card.inner_text()
+    card.get_by_role("button", name="End recording").click()
+    it.page.wait_for_selector("#recording li.live", state="detached")
+    done = contid_in(running.folder, "session", "info", listed["file"])
+    assert "clean" in done.stdout, done.stdout + done.stderr
+    again = card.locator("li", has_text=Path(listed["file"]).name).get_by_text("Again", exact=True)
+    again.click()
+    it.page.wait_for_selector("#trajectory .good, #trajectory .bad")
+    assert "every row and the way between is within reach" in it.page.locator("#trajectory").inner_text()
+
+
+def test_obstacles_are_drawn(drawing_tab: Tab) -> None:
+    with (
+        armed_daemon(1, change=lambda text: text + OBSTACLES) as running,
+        panel(running) as served,
+        drawing_tab.opened(served) as it,
+    ):
         it.page.wait_for_selector("#recording button:enabled")
-        assert "Nothing is recorded." in card.inner_text()
-        card.get_by_role("button", name="Record").click()
-        it.page.wait_for_selector("#recording li.live")
-        with running.client() as client:
-            (listed,) = client.status()["recordings"]
-        assert listed["by"].startswith("panel page")
-        assert Path(listed["file"]).name in card.inner_text()
-        card.get_by_role("button", name="End recording").click()
-        it.page.wait_for_selector("#recording .recordings li", state="detached")
-        done = contid_in(running.folder, "session", "info", listed["file"])
-        assert "clean" in done.stdout, done.stdout + done.stderr
-        it.page.get_by_text("Again", exact=True).click()
-        it.page.wait_for_selector("#trajectory .good, #trajectory .bad")
-        assert "every row and the way between is within reach" in it.page.locator("#trajectory").inner_text()
+        assert "Nothing is recorded." in it.text("#recording")
+        until(lambda: brown_pixels(colours(it)) > 400, "the obstacles are drawn")

@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 
-from tests.support.browser import OpenPage, Tab
+from tests.support.browser import VIEWPORT, OpenPage, Tab
 from tests.support.daemons import Running, as_started, command, daemon, states
 from tests.support.panels import PanelProcess, panel
 from tests.support.waiting import until
@@ -159,8 +159,18 @@ def test_the_alarm_is_seen_on_a_phone(it: OpenPage, served: PanelProcess) -> Non
     it.problems.clear()  # the failed requests
 
 
-def test_a_fault_is_explained_and_cleared(tab: Tab) -> None:
+def test_a_fault_is_announced_explained_and_cleared(tab: Tab) -> None:
     with daemon(options=SILENT) as running, panel(running) as served, tab.opened(served) as it:
+        it.page.set_viewport_size({"width": 390, "height": 600})
+        it.page.wait_for_selector("#faults:not([hidden])")
+        banner = it.page.get_by_role("alert").filter(has_text="f0: fault 102")
+        assert banner.is_visible()
+        it.page.mouse.wheel(0, 5000)
+        banner.get_by_role("link").click()
+        assert it.page.evaluate("document.activeElement.id") == "robot-f0"
+        assert it.page.locator(".fault:not([hidden])").is_visible()
+        assert served.token in it.page.evaluate("location.hash")  # a reload needs it
+        it.page.set_viewport_size(VIEWPORT)
         it.state("f0", "FAULT")
         it.page.wait_for_selector(".fault:not([hidden])")
         text = it.text(".fault")
@@ -185,35 +195,30 @@ def test_resume_after_a_stop_of_another_client_asks_first(it: OpenPage, running:
         it.page.keyboard.press("Escape")
 
 
-@pytest.mark.usefixtures("alone")
-def test_the_daemon_is_killed_and_restarted(it: OpenPage, running: Running) -> None:
-    it.take_control()
-    running.process.kill()
-    running.process.wait()
-    it.page.wait_for_selector("#link[data-state=waiting]")
-    it.state("f0", "LOST")
-    assert "never resumed" in it.text("#view-note")
-    with restarted(running):
-        it.state("f0", "READY")
-        it.page.wait_for_selector("#lease[data-mine=false]")
-        it.page.wait_for_timeout(1000)
-        with running.client() as client:
-            assert states(client) == {"READY"}
-        it.page.locator("#stop").click()
-        it.state("f0", "OFF")
-
-
-@pytest.mark.usefixtures("alone")
-def test_a_robot_file_that_changed_is_reported_until_a_restart(drawn: OpenPage, running: Running) -> None:
+def test_a_daemon_of_a_changed_file_is_killed_and_restarted(
+    drawing_tab: Tab, alone: tuple[Running, PanelProcess]
+) -> None:
+    running, served = alone
     file = running.folder / "fingers.yaml"
     file.write_text(file.read_text().replace("length_mm: [0, 100]", "length_mm: [0, 90]"))
-    drawn.page.reload()
-    drawn.page.locator("#view-note").get_by_text("has changed since the daemon read it").wait_for()
-    running.process.kill()
-    running.process.wait()
-    with restarted(running):
-        drawn.state("f0", "READY")
-        drawn.page.wait_for_selector("#view-note", state="hidden")
+    with drawing_tab.opened(served) as it:
+        it.state("f0", "HOLD")
+        it.page.locator("#view-note").get_by_text("has changed since the daemon read it").wait_for()
+        it.take_control()
+        running.process.kill()
+        running.process.wait()
+        it.page.wait_for_selector("#link[data-state=waiting]")
+        it.state("f0", "LOST")
+        assert "never resumed" in it.text("#view-note")
+        with restarted(running):
+            it.state("f0", "READY")
+            it.page.wait_for_selector("#view-note", state="hidden")
+            it.page.wait_for_selector("#lease[data-mine=false]")
+            it.page.wait_for_timeout(1000)
+            with running.client() as client:
+                assert states(client) == {"READY"}
+            it.page.locator("#stop").click()
+            it.state("f0", "OFF")
 
 
 def test_events_have_their_reasons(it: OpenPage, running: Running) -> None:
