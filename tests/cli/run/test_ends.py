@@ -59,15 +59,16 @@ def test_the_second_signal_relaxes_at_once(
     assert rests == {"relax"}
 
 
-def test_repeated_hangups_of_a_closed_terminal_are_one_orderly_stop(
-    robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTSTP], ids=["closed terminal", "Ctrl-Z"])
+def test_repeated_signals_of_a_terminal_are_one_orderly_stop(
+    number: signal.Signals, robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
 ) -> None:
     process = started(str(robot(1, on_interrupt="rest")), "--on-end", "hold")
     feed(process, circle_csv(1, period_s=60.0))
     until(enabled(tmp_path), "armed")
     time.sleep(0.3)
     for _ in range(2):
-        process.send_signal(signal.SIGHUP)
+        process.send_signal(number)
         time.sleep(0.05)
     process.communicate(timeout=30)
     assert process.returncode == 130
