@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,6 +17,8 @@ from typing import Any
 import psutil
 import pytest
 
+from contid.client import Client
+from contid.remote.protocol.socket_path import is_listening
 from tests.cli.run.running import enabled, feed, journal
 from tests.support.command import program
 from tests.support.fingers import circle_csv
@@ -73,6 +76,24 @@ def test_repeated_signals_of_a_terminal_are_one_orderly_stop(
     process.communicate(timeout=30)
     assert process.returncode == 130
     assert {axis["rest"] for axis in journal(tmp_path)[-1]["axes"].values()} == {"hold"}
+
+
+def test_an_estop_gets_through_after_the_folder_of_the_socket_was_removed(
+    robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any], runtime_folder: Path
+) -> None:
+    """As systemd removes it at the last logout of its user, while a run in tmux goes on."""
+    process = started(str(robot(1)), "--on-end", "hold")
+    feed(process, circle_csv(1, period_s=60.0))
+    until(enabled(tmp_path), "armed")
+    shutil.rmtree(runtime_folder)
+    path = runtime_folder / "contid" / "fingers.sock"
+    until(lambda: is_listening(path), "it listens again", 10.0)
+    with Client(path) as client:
+        client.estop()
+    assert {axis["rest"] for axis in journal(tmp_path)[-1]["axes"].values()} == {"relax"}
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert "fingers.sock was removed; listening there again" in err
 
 
 @pytest.mark.parametrize("full", [False, True], ids=["reader gone", "reader that does not read"])
