@@ -19,6 +19,8 @@ import pytest
 
 from contid.client import Client
 from contid.remote.protocol.socket_path import is_listening
+from contid.session.read import Session
+from contid_sessions.info import summarize
 from tests.cli.run.running import enabled, feed, journal
 from tests.support.command import program
 from tests.support.fingers import circle_csv
@@ -162,6 +164,23 @@ raise SystemExit(report.exit_code)
     assert done.returncode == 3, done.stderr
     assert "run: a source of commands ended early: OSError: gone" in done.stdout
     assert {axis["rest"] for axis in journal(tmp_path)[-1]["axes"].values()} == {"hold"}
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_a_signal_to_every_process_of_a_run_is_one_orderly_stop(
+    number: signal.Signals, robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
+) -> None:
+    """As service managers send them; its recorder completes the recording all the same."""
+    session = tmp_path / "a.mcap"
+    process = started(str(robot(1, on_interrupt="rest")), "--record", str(session))
+    feed(process, circle_csv(1, period_s=60.0))
+    until(enabled(tmp_path), "armed")
+    for each in [*psutil.Process(process.pid).children(), process]:
+        each.send_signal(number)
+    out, _ = process.communicate(timeout=30)
+    assert process.returncode == 130, out
+    assert {axis["rest"] for axis in journal(tmp_path)[-1]["axes"].values()} == {"hold"}
+    assert summarize(Session(session)).state.startswith("clean")
 
 
 def test_killing_the_daemon_brings_the_robot_to_on_host_loss(
