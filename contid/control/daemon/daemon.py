@@ -194,7 +194,7 @@ class Daemon:
             self._child.close()
             self._signals.remove()
             for observer in self._attached:
-                with suppress(Exception):
+                with suppress(Exception, KeyboardInterrupt):
                     self._report.report.problems += observer.detach()
             self._feed.end_log()
         return self._report.report

@@ -183,6 +183,31 @@ def test_a_signal_to_every_process_of_a_run_is_one_orderly_stop(
     assert summarize(Session(session)).state.startswith("clean")
 
 
+def test_an_interrupt_while_the_recording_is_compacted_keeps_the_report(
+    robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
+) -> None:
+    """The robots have come to rest; the recorder is stopped here, as if it compacted for long."""
+    process = started(str(robot(1)), "--record", str(tmp_path / "a.mcap"))
+    feed(process, circle_csv(1, period_s=0.5))
+    until(enabled(tmp_path), "armed")
+    family = psutil.Process(process.pid).children()
+    (recorder,) = [each for each in family if "contid.session.mcap_recorder" in each.cmdline()]
+    recorder.suspend()
+    try:
+        until(lambda: journal(tmp_path)[-1]["event"] == "close", "the robot rests")
+        for _ in range(10):  # ignored until the run waits for nothing but the recorder
+            process.send_signal(signal.SIGINT)
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(timeout=1)
+                break
+    finally:
+        recorder.resume()
+    out, _ = process.communicate(timeout=30)
+    assert "run: the input ended (exit code 0)" in out
+    assert "still being compacted" in out
+    assert process.returncode == 0
+
+
 def test_killing_the_daemon_brings_the_robot_to_on_host_loss(
     robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
 ) -> None:
