@@ -19,6 +19,9 @@ _NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 #: A device that limits its acceleration needs this times that of its commands, to catch up with them: with
 #: 4 % more the set-point of a board runs up to 10 mm past violent commands, with 26 % more 0.5 mm.
 CATCH_UP: Final = 1.2
+#: Steps of its encoder that the limits of a length have at least: shipped robots have 1100 to 39 000, and
+#: metres for millimetres on one side are a thousandth of that.
+LEAST_STEPS: Final = 20.0
 #: Columns of tips.
 _TAKEN: Final = frozenset({"x", "y", "z"})
 
@@ -93,6 +96,42 @@ def check_device_rates(
                     f"{rate:g} needs {needed / size:.4g}: the device would follow late"
                 )
                 yield document.at_value((*at, "axes", name, key), message)
+
+
+def check_device_travel(
+    document: Document,
+    at: KeyPath,
+    robot: RobotDescription,
+    limited: Mapping[str, tuple[AxisDescription, DeviceRate]],
+) -> Iterator[Located]:
+    """Check that no device is sent farther than it turns, and that its encoder tells the limits apart.
+
+    ``limited`` as of `check_device_rates`.
+    """
+    for name, quantity, ends in zip(robot.all_axis_names, robot.quantities, robot.driven_limits, strict=True):
+        length = quantity is Quantity.LENGTH
+        if name not in limited or quantity is Quantity.PRESSURE:
+            continue
+        axis, device = limited[name]
+        if (length and axis.mm_per_rev is None) or not all(map(math.isfinite, ends)):
+            continue
+        gain = 2.0 * math.pi * MM_PER_M / (axis.mm_per_rev or 1.0) if length else 1.0
+        zero = axis.zero_deg * DEG
+        farthest = max((zero + axis.direction * end * gain for end in ends), key=abs)
+        key = "mm_per_rev" if length and abs(zero) <= device.reach else "zero_deg"
+        steps = (ends[1] - ends[0]) * gain / device.step if device.step else math.inf
+        if abs(farthest) > device.reach:
+            message = (
+                f"the limits of {name} turn its device to {farthest / DEG:.4g} deg; allowed: at most "
+                f"{device.reach / DEG:.5g} deg to either side"
+            )
+            yield document.at_value((*at, "axes", name, key), message)
+        elif length and 0.0 < steps < LEAST_STEPS:
+            message = (
+                f"the limits of {name} are {steps:.2g} steps of its device's encoder; allowed: at least "
+                f"{LEAST_STEPS:g}, see the units of mm_per_rev and of the limits"
+            )
+            yield document.at_value((*at, "axes", name, "mm_per_rev"), message)
 
 
 def _check_rest(document: Document, at: KeyPath, robot: RobotDescription) -> Iterator[Located]:
