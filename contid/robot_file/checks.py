@@ -18,7 +18,7 @@ from contid.robot_file.gravity import check_down
 from contid.robot_file.positions import Data, Document, KeyPath
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tendon.robot import TendonRobot
-from contid.robot_file.unit_checks import check_device_rates, check_device_travel, check_units
+from contid.robot_file.unit_checks import check_device_rates, check_units
 
 #: Prefixes of trajectory columns that are not names of robots.
 RESERVED_NAMES: Final = ("t_s", "mid", "load", "meas")
@@ -69,7 +69,6 @@ def check_robot(
         if axis.description is not None and axis.rate is not None
     }
     yield from check_device_rates(document, at, robot, limited)
-    yield from check_device_travel(document, at, robot, limited)
     yield from _check_stops(document, at, robot, wired)
     for index, key in enumerate(robot.placeholder):
         if not _is_key(document, at, robot, key):

@@ -66,17 +66,19 @@ def check_device_rates(
     robot: RobotDescription,
     limited: Mapping[str, tuple[AxisDescription, DeviceRate]],
 ) -> Iterator[Located]:
-    """Check that no device is commanded faster than it follows, at the robot's greatest rates.
+    """Check that no device is commanded faster than it follows, at the robot's greatest rates, or farther.
 
     ``limited`` has the axes whose devices have a limit. Axes with a table (``mm_to_bar``) are not checked.
     """
     own = len(robot.axis_names)
     shares = [sum(map(abs, row)) for row in robot.coupling or ()] or [1.0] * own
     shares += [1.0] * (len(robot.all_axis_names) - own)
-    for name, quantity, share in zip(robot.all_axis_names, robot.quantities, shares, strict=True):
+    axes = zip(robot.all_axis_names, robot.quantities, shares, robot.driven_limits, strict=True)
+    for name, quantity, share, ends in axes:
         if name not in limited:
             continue
         axis, limit = limited[name]
+        yield from _check_turns(document, (*at, "axes", name), axis, limit, ends)
         size, shown = (BAR, "bar") if quantity is Quantity.PRESSURE else (DEG, "deg")
         if quantity is Quantity.LENGTH:
             if axis.mm_per_rev is None:
@@ -98,40 +100,22 @@ def check_device_rates(
                 yield document.at_value((*at, "axes", name, key), message)
 
 
-def check_device_travel(
-    document: Document,
-    at: KeyPath,
-    robot: RobotDescription,
-    limited: Mapping[str, tuple[AxisDescription, DeviceRate]],
+def _check_turns(
+    document: Document, at: KeyPath, axis: AxisDescription, device: DeviceRate, ends: tuple[float, float]
 ) -> Iterator[Located]:
-    """Check that no device is sent farther than it turns, and that its encoder tells the limits apart.
-
-    ``limited`` as of `check_device_rates`.
-    """
-    for name, quantity, ends in zip(robot.all_axis_names, robot.quantities, robot.driven_limits, strict=True):
-        length = quantity is Quantity.LENGTH
-        if name not in limited or quantity is Quantity.PRESSURE:
-            continue
-        axis, device = limited[name]
-        if (length and axis.mm_per_rev is None) or not all(map(math.isfinite, ends)):
-            continue
-        gain = 2.0 * math.pi * MM_PER_M / (axis.mm_per_rev or 1.0) if length else 1.0
-        zero = axis.zero_deg * DEG
-        farthest = max((zero + axis.direction * end * gain for end in ends), key=abs)
-        key = "mm_per_rev" if length and abs(zero) <= device.reach else "zero_deg"
-        steps = (ends[1] - ends[0]) * gain / device.step if device.step else math.inf
-        if abs(farthest) > device.reach:
-            message = (
-                f"the limits of {name} turn its device to {farthest / DEG:.4g} deg; allowed: at most "
-                f"{device.reach / DEG:.5g} deg to either side"
-            )
-            yield document.at_value((*at, "axes", name, key), message)
-        elif length and 0.0 < steps < LEAST_STEPS:
-            message = (
-                f"the limits of {name} are {steps:.2g} steps of its device's encoder; allowed: at least "
-                f"{LEAST_STEPS:g}, see the units of mm_per_rev and of the limits"
-            )
-            yield document.at_value((*at, "axes", name, "mm_per_rev"), message)
+    """Check that a device turns as far as the limits of its axis ask, and tells them apart."""
+    gain = math.tau * MM_PER_M / axis.mm_per_rev if axis.mm_per_rev else 1.0
+    zero, most = axis.zero_deg, device.reach / DEG
+    farthest = max((zero + axis.direction * end * gain / DEG for end in ends), key=abs)
+    steps = (ends[1] - ends[0]) * gain / device.step if device.step and axis.mm_per_rev else 0.0
+    what = ""
+    if most < abs(farthest) < math.inf:
+        what = f"turn its device to {farthest:.4g} deg; allowed: at most {most:.5g} deg to either side"
+    elif 0.0 < steps < LEAST_STEPS:
+        what = f"are {steps:.2g} steps of its device's encoder; allowed: at least {LEAST_STEPS:g}"
+    if what:
+        key = "mm_per_rev" if axis.mm_per_rev and abs(zero) <= most else "zero_deg"
+        yield document.at_value((*at, key), f"the limits of {at[-1]} {what}: see their units")
 
 
 def _check_rest(document: Document, at: KeyPath, robot: RobotDescription) -> Iterator[Located]:

@@ -42,8 +42,6 @@ EVENTS: Final = (
     BusChanged, FaultLatched, ModeChanged, OrderRefused, SourceEnded, StalenessChanged, StopBegan,
     TicksSkipped, ControlStalled,
 )  # fmt: skip
-
-
 log = logging.getLogger(__name__)
 
 
