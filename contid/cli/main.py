@@ -78,7 +78,7 @@ def _run() -> int:
     except click.exceptions.Exit as done:
         return done.exit_code
     except click.Abort as aborted:
-        if isinstance(aborted.__context__, EOFError):
+        if isinstance(aborted.__cause__ or aborted.__context__, EOFError):
             print_error("stdin ended where an answer was expected; give the answers, or a terminal")
             return 2
         return _interrupted()

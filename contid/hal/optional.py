@@ -95,7 +95,7 @@ class Restricts(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class DeviceRate:
-    """The fastest demands a device follows.
+    """The fastest demands a device follows, and how far and how finely it turns.
 
     Attributes:
         key: key of the axis in the robot file that sets it.
@@ -103,6 +103,8 @@ class DeviceRate:
         what: what it is, where the key does not hold the rate itself.
         acceleration: the greatest acceleration of demands that it follows [rad/s^2 or Pa/s^2].
         acceleration_key: key of the axis that sets that.
+        reach: the greatest angle to either side that it can be sent to [rad].
+        step: the least angle that its encoder tells apart [rad].
     """
 
     key: str
@@ -110,6 +112,8 @@ class DeviceRate:
     what: str = ""
     acceleration: float = math.inf
     acceleration_key: str = ""
+    reach: float = math.inf
+    step: float = 0.0
 
 
 @runtime_checkable

@@ -19,6 +19,9 @@ _NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 #: A device that limits its acceleration needs this times that of its commands, to catch up with them: with
 #: 4 % more the set-point of a board runs up to 10 mm past violent commands, with 26 % more 0.5 mm.
 CATCH_UP: Final = 1.2
+#: Steps of its encoder that the limits of a length have at least: shipped robots have 1100 to 39 000, and
+#: metres for millimetres on one side are a thousandth of that.
+LEAST_STEPS: Final = 20.0
 #: Columns of tips.
 _TAKEN: Final = frozenset({"x", "y", "z"})
 
@@ -63,17 +66,19 @@ def check_device_rates(
     robot: RobotDescription,
     limited: Mapping[str, tuple[AxisDescription, DeviceRate]],
 ) -> Iterator[Located]:
-    """Check that no device is commanded faster than it follows, at the robot's greatest rates.
+    """Check that no device is commanded faster than it follows, at the robot's greatest rates, or farther.
 
     ``limited`` has the axes whose devices have a limit. Axes with a table (``mm_to_bar``) are not checked.
     """
     own = len(robot.axis_names)
     shares = [sum(map(abs, row)) for row in robot.coupling or ()] or [1.0] * own
     shares += [1.0] * (len(robot.all_axis_names) - own)
-    for name, quantity, share in zip(robot.all_axis_names, robot.quantities, shares, strict=True):
+    axes = zip(robot.all_axis_names, robot.quantities, shares, robot.driven_limits, strict=True)
+    for name, quantity, share, ends in axes:
         if name not in limited:
             continue
         axis, limit = limited[name]
+        yield from _check_turns(document, (*at, "axes", name), axis, limit, ends)
         size, shown = (BAR, "bar") if quantity is Quantity.PRESSURE else (DEG, "deg")
         if quantity is Quantity.LENGTH:
             if axis.mm_per_rev is None:
@@ -93,6 +98,24 @@ def check_device_rates(
                     f"{rate:g} needs {needed / size:.4g}: the device would follow late"
                 )
                 yield document.at_value((*at, "axes", name, key), message)
+
+
+def _check_turns(
+    document: Document, at: KeyPath, axis: AxisDescription, device: DeviceRate, ends: tuple[float, float]
+) -> Iterator[Located]:
+    """Check that a device turns as far as the limits of its axis ask, and tells them apart."""
+    gain = math.tau * MM_PER_M / axis.mm_per_rev if axis.mm_per_rev else 1.0
+    zero, most = axis.zero_deg, device.reach / DEG
+    farthest = max((zero + axis.direction * end * gain / DEG for end in ends), key=abs)
+    steps = (ends[1] - ends[0]) * gain / device.step if device.step and axis.mm_per_rev else 0.0
+    what = ""
+    if most < abs(farthest) < math.inf:
+        what = f"turn its device to {farthest:.4g} deg; allowed: at most {most:.5g} deg to either side"
+    elif 0.0 < steps < LEAST_STEPS:
+        what = f"are {steps:.2g} steps of its device's encoder; allowed: at least {LEAST_STEPS:g}"
+    if what:
+        key = "mm_per_rev" if axis.mm_per_rev and abs(zero) <= most else "zero_deg"
+        yield document.at_value((*at, key), f"the limits of {at[-1]} {what}: see their units")
 
 
 def _check_rest(document: Document, at: KeyPath, robot: RobotDescription) -> Iterator[Located]:

@@ -9,7 +9,7 @@ the control process. It sleeps `_MAX_SLEEP_S` at most.
 
 It ends when the ring is finished or the ring's writer has ended, with or without the daemon, or when the
 daemon ends a recording that began during the run: drains the ring, adds the footer, compacts. It ignores
-SIGTERM and SIGINT, which service managers send to the whole group.
+SIGTERM, SIGINT and SIGHUP, which service managers send to the whole group.
 """
 
 from __future__ import annotations
@@ -204,7 +204,7 @@ class McapRecorder:
 
 def main() -> int:
     """Run the recorder's process."""
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     daemon = os.getppid()
     job = pickle.load(sys.stdin.buffer)  # from the daemon, the only other end of this pipe

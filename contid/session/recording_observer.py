@@ -204,7 +204,7 @@ class RecordingObserver:
         assert process.stdout is not None
         with suppress(BrokenPipeError):
             process.stdin.close()
-        with suppress(subprocess.TimeoutExpired):
+        with suppress(subprocess.TimeoutExpired, KeyboardInterrupt):  # Ctrl-C ends the wait, not the report
             process.wait(timeout_s)
         status = process.returncode  # None: it has not ended
         os.set_blocking(process.stdout.fileno(), False)

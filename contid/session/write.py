@@ -159,9 +159,10 @@ class SessionWriter:
         """Wait until everything written is on the disk; may be called from another thread.
 
         Raises:
-            RecordingStoppedError: the disk has failed.
+            RecordingStoppedError: the disk has failed, or the file was deleted.
         """
         try:
+            self._require_kept()
             os.fdatasync(self._file)
         except OSError as error:
             raise RecordingStoppedError(f"{self.path}: recording stopped: {error.strerror}") from error
@@ -182,7 +183,13 @@ class SessionWriter:
 
         self.flush()
         self._append(mcap.encode(DataEnd(self._crc), Footer(0, 0, 0)) + mcap.MAGIC)
+        self._require_kept()
         self.close()
+
+    def _require_kept(self) -> None:
+        """Refuse to write what nobody will read: a file without a name is gone when it is closed."""
+        if os.fstat(self._file).st_nlink < self.status.st_nlink:
+            raise RecordingStoppedError(f"{self.path}: recording stopped: the file was deleted")
 
     def close(self) -> None:
         """Close the file as it is; idempotent."""

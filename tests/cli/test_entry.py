@@ -50,6 +50,22 @@ contid.entry.main()
     assert (done.returncode, done.stderr.strip()) == (130, "")
 
 
+def test_the_end_of_stdin_at_a_question_of_bringup_is_named() -> None:
+    """At the questions about gauge and dump valve it was taken for Ctrl-C: exit code 130, no message."""
+    code = """
+import sys
+import contid.cli.main
+from contid_bringup.command import Person
+contid.cli.main.cli.main = lambda **_: Person().dumped("arm.p1", lambda: None)
+contid.cli.main.main()
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], stdin=subprocess.DEVNULL, capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert "stdin ended where an answer was expected" in done.stderr
+
+
 def test_a_run_as_a_background_job_of_a_script_loses_no_interrupt(tmp_path: Path) -> None:
     """Shells start such jobs with SIGINT ignored; it came before the handlers of the run, and was lost."""
     arguments = ["contid.remote.server.server", "run", "finger", "--mock", "--socket", str(tmp_path / "s")]

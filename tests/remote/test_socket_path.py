@@ -6,6 +6,7 @@ import errno
 import fcntl
 import grp
 import os
+import shutil
 import socket
 import stat
 from contextlib import closing
@@ -68,6 +69,23 @@ def test_an_endpoint_removes_only_its_own_socket(own_folder: Path) -> None:
     first.close()
     assert path.exists()
     second.close()
+
+
+def test_an_endpoint_whose_folder_was_removed_is_made_anew(
+    own_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(own_folder / "1000"))
+    first = Endpoint(default_path("hand.yaml"), default=True)
+    assert first.again() is None
+    shutil.rmtree(own_folder / "1000")
+    second = first.again()
+    assert second is not None
+    first.close()
+    with closing(second):
+        assert is_listening(first.path)
+        shutil.rmtree(own_folder / "1000")
+        (own_folder / "1000").write_text("no folder")
+        assert second.again() is None
 
 
 def test_a_folder_open_to_others_is_refused(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""A robot file whose rates are faster than its devices follow is refused, at the key of the device."""
+"""Robot files with rates or limits beyond what their devices do are refused, at the key of the device."""
 
 from __future__ import annotations
 
@@ -92,3 +92,29 @@ def test_a_motor_that_accelerates_less_than_its_rack(configs: Path) -> None:
     (message,) = refusals(weak)
     assert "acceleration_deg_s2 is 4949 deg/s2, but rates.acceleration_mm_s2 900 needs 4950" in message
     assert parse_robot_file(text.replace(given.format(5200), given.format(round(needed + 1))), "")
+
+
+@pytest.mark.parametrize(
+    ("written", "mistaken", "message"),
+    [
+        ("length_mm: [0, 100]", "length_mm: [0, 100000]", "device to 9.549e+05 deg; allowed: at most"),
+        ("mm_per_rev: 37.69911184307752", "mm_per_rev: 37699", "are 11 steps of its device's encoder"),
+        ("servos, id: ", "servos, zero_deg: 1e9, id: ", "device to 1e+09 deg; allowed: at most 92160"),
+    ],
+    ids=["limits", "pinion", "zero"],
+)
+def test_limits_beyond_the_turns_or_the_steps_of_a_servo(
+    configs: Path, written: str, mistaken: str, message: str
+) -> None:
+    """Thousandfold mistakes of units: 256 turns to either side, and 4096 steps a turn (e-manual)."""
+    text = (configs / "finger.yaml").read_text()
+    messages = refusals(text.replace(written, mistaken))
+    assert len(messages) == 2
+    assert all(message in each for each in messages)
+    assert parse_robot_file(text.replace(written, mistaken), "finger.yaml", recorded=True).buses
+
+
+def test_metres_as_the_pinion_of_a_board(configs: Path) -> None:
+    text = (configs / "trirack.emulated.yaml").read_text()
+    wrong = text.replace("mm_per_rev: 78.53981633974483", "mm_per_rev: 78540, counts_per_rev: 2000")
+    assert "steps of its device's encoder; allowed: at least 20" in refusals(wrong)[0]

@@ -175,3 +175,14 @@ def test_a_trajectory_that_the_recorder_cannot_read_is_an_error(tmp_path: Path) 
     assert "trajectory-1: not recorded" in error
     writer.close()
     shared.unlink()
+
+
+def test_a_recording_whose_file_was_deleted_has_failed_while_it_runs(tmp_path: Path) -> None:
+    shared = ring.create(record_layout(load(2), 200.0), seconds=1.0)
+    recording = RecordingObserver(tmp_path / "s.mcap", {})
+    recording.attach(RunSetup(load(2), 200.0, shared, None, OnEnd.HOLD, attended=True), os.getpid())
+    recording.path.unlink()
+    until(lambda: recording.failed, "the recorder's end")
+    assert [*recording.detach()] == [f"{recording.path}: recording stopped: the file was deleted"]
+    assert recording.lost
+    shared.unlink()

@@ -9,7 +9,7 @@ import pytest
 
 from contid.control.engine.cycle import OnEnd
 from contid.control.process.pipe import RunSetup
-from contid.errors import ContidError, SessionError
+from contid.errors import ContidError, RecordingStoppedError, SessionError
 from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver
 from contid.session.write import MOVED
@@ -35,6 +35,19 @@ def test_a_recording_that_was_moved_does_not_replace_the_one_with_its_name_now(t
     found = summarize(Session(moved))
     assert found.ticks > 0
     assert found.state.startswith("clean")
+
+
+def test_a_recording_that_was_deleted_is_lost_and_not_complete(tmp_path: Path) -> None:
+    path, loaded = tmp_path / "a.mcap", load(1)
+    trajectory = circle(loaded, period_s=0.2)
+    recording = RecordingObserver(path, {"mock": "False", "input": "test"}, host="test")
+    sink = recording.follow(RunSetup(loaded, 200.0, Path(), trajectory, OnEnd.STOP, attended=False))
+    run_virtual(loaded, 200.0, trajectory, sinks=[sink])
+    path.unlink()
+    path.write_bytes(OTHER)
+    with pytest.raises(RecordingStoppedError, match="the file was deleted"):
+        recording.detach()
+    assert path.read_bytes() == OTHER
 
 
 def test_a_file_that_comes_while_a_recording_is_compacted_is_not_replaced(

@@ -158,7 +158,7 @@ class Daemon:
             self._relax()
 
     def hung_up(self) -> None:
-        """The terminal was closed: an orderly stop. Shells send the signal twice; the second is ignored."""
+        """The terminal was closed, or Ctrl-Z: an orderly stop. Shells send SIGHUP twice; one is enough."""
         if not self._shutdown.requests:
             self.interrupt()
 
@@ -194,7 +194,7 @@ class Daemon:
             self._child.close()
             self._signals.remove()
             for observer in self._attached:
-                with suppress(Exception):
+                with suppress(Exception, KeyboardInterrupt):
                     self._report.report.problems += observer.detach()
             self._feed.end_log()
         return self._report.report

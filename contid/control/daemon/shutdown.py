@@ -64,15 +64,16 @@ class ShutdownSequence:
 
 
 class RunSignals:
-    """Handlers of SIGINT, SIGTERM and, without nohup, SIGHUP in the loop of a run.
+    """Handlers of SIGINT, SIGTERM, SIGTSTP and, without nohup, SIGHUP in the loop of a run.
 
     Args:
         interrupt: for SIGINT and SIGTERM.
-        hung_up: for SIGHUP.
+        hung_up: for SIGHUP, and for SIGTSTP (Ctrl-Z): a suspended daemon would let the robots go on, and
+            would pass on no stop.
     """
 
     def __init__(self, interrupt: Callable[[], None], hung_up: Callable[[], None]) -> None:
-        self._handlers = {signal.SIGINT: interrupt, signal.SIGTERM: interrupt}
+        self._handlers = {signal.SIGINT: interrupt, signal.SIGTERM: interrupt, signal.SIGTSTP: hung_up}
         if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # nohup
             self._handlers[signal.SIGHUP] = hung_up
 

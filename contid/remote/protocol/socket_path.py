@@ -171,6 +171,7 @@ class Endpoint:
         watch_group: str | None = None,
     ) -> None:
         self.path = Path(path)
+        self._default, self._groups = default, (group, watch_group)
         self.group = _group("--socket-group", group)
         self.watch_group = _group("--watch-group", watch_group)
         if default:
@@ -195,7 +196,7 @@ class Endpoint:
         except BaseException:
             self.socket.close()
             raise
-        self._inode = self.path.stat().st_ino
+        self._status = self.path.stat()
 
     def _remove_stale(self) -> None:
         try:
@@ -234,9 +235,19 @@ class Endpoint:
             raise SocketError(f"{message}; let an administrator add this user, and log in again") from error
         self.socket.setblocking(False)
 
+    def again(self) -> Endpoint | None:
+        """This endpoint made anew where its default folder was removed, as systemd does at the last logout.
+
+        None while it stands, or cannot be made yet.
+        """
+        if self._default and not os.path.lexists(self.path):
+            with suppress(SocketError, OSError):
+                return Endpoint(self.path, default=True, group=self._groups[0], watch_group=self._groups[1])
+        return None
+
     def close(self) -> None:
         """Stop listening and remove the socket, if it is still this one; idempotent."""
         self.socket.close()
         with suppress(OSError):
-            if self.path.lstat().st_ino == self._inode:
+            if os.path.samestat(self.path.lstat(), self._status):
                 self.path.unlink()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import socket
 import time
 from collections.abc import Mapping
@@ -41,6 +42,7 @@ EVENTS: Final = (
     BusChanged, FaultLatched, ModeChanged, OrderRefused, SourceEnded, StalenessChanged, StopBegan,
     TicksSkipped, ControlStalled,
 )  # fmt: skip
+log = logging.getLogger(__name__)
 
 
 class SocketServer:
@@ -69,6 +71,12 @@ class SocketServer:
                 busy = handler.streaming or any(c.subscription for c in self._connections.values())
                 await asyncio.sleep(self._pause_s(1.0 / control.rate_hz) if busy else IDLE_S)
                 handler.watch()
+                if (again := self._endpoint.again()) is not None:  # a stop must always find its way in
+                    log.warning("%s was removed; listening there again", again.path)
+                    acceptor.close()
+                    self._endpoint.close()
+                    self._endpoint = again
+                    acceptor = Acceptor(again.socket, self._accept, self._displace)
                 await self._send_frames(control)
         finally:
             if self._asking is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -83,6 +84,7 @@ class DueDriver:
                 axis.velocity_deg_s * DEG,
                 acceleration=axis.acceleration_deg_s2 * DEG,
                 acceleration_key="acceleration_deg_s2",
+                step=math.tau / axis.counts_per_rev,
             )
         return DeviceRate("slew_bar_s", axis.slew_bar_s * BAR)
 

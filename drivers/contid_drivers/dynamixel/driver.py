@@ -56,13 +56,15 @@ class DynamixelDriver:
     def device_rate(self, axis: BaseModel) -> DeviceRate:
         """Its own speed without load, or the profile that is written into it (`contid.hal.LimitsRate`)."""
         from contid_drivers.dynamixel.models import NO_LOAD_RPM
+        from contid_drivers.dynamixel.registers import RAD_PER_TICK, TURNS
 
         assert isinstance(axis, DynamixelAxisOptions)
         top = NO_LOAD_RPM.get(axis.model, math.inf) * math.tau / 60.0
         rates = [DeviceRate("model", top, f"without load a {axis.model} does")]
         if axis.profile_velocity_deg_s:
             rates.append(DeviceRate("profile_velocity_deg_s", axis.profile_velocity_deg_s * DEG))
-        return min(rates, key=lambda rate: rate.value)
+        slowest = min(rates, key=lambda rate: rate.value)
+        return replace(slowest, reach=TURNS * RAD_PER_TICK, step=RAD_PER_TICK)
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
         """See `contid.hal.Driver`: none, a simulated bus needs no key of this one."""

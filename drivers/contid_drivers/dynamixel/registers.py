@@ -69,7 +69,7 @@ def _ro(name: str, address: int, size: int, default: int, unit: str = "", signed
 
 
 #: Extended position mode: 256 turns without the last tick (e-manual, register 116).
-_TURNS = 256 * TICKS_PER_REV - 1
+TURNS = 256 * TICKS_PER_REV - 1
 
 MODEL_NUMBER = _ro("model number", 0, 2, 1200)
 FIRMWARE = _ro("firmware version", 6, 1, 52)
@@ -108,7 +108,7 @@ GOAL_CURRENT = _rw("goal current", 102, 2, 1750, -1750, 1750, unit="mA")
 GOAL_VELOCITY = _rw("goal velocity", 104, 4, 0, -2047, 2047, unit="0.229 rpm")
 PROFILE_ACCELERATION = _rw("profile acceleration", 108, 4, 0, 0, 32767, unit="214.577 rev/min2")
 PROFILE_VELOCITY = _rw("profile velocity", 112, 4, 0, 0, 32767, unit="0.229 rpm")
-GOAL_POSITION = _rw("goal position", 116, 4, 0, -_TURNS, _TURNS, unit="tick")
+GOAL_POSITION = _rw("goal position", 116, 4, 0, -TURNS, TURNS, unit="tick")
 REALTIME_TICK = _ro("realtime tick", 120, 2, 0, "ms")
 REALTIME_TICKS: Final = 32768
 MOVING = _ro("moving", 122, 1, 0)

@@ -118,9 +118,9 @@ class Person:
             bar = float(text.replace(",", ".")) if text else None
         except ValueError:
             bar = math.nan
-        if bar is None or math.isfinite(bar):
+        if bar is None or (math.isfinite(bar) and bar >= 0.0):
             return bar
-        click.echo(f"{text!r} is no number")
+        click.echo(f"{text!r} is no pressure in bar")
         return self.gauge_bar(axis, hold)
 
     def dumped(self, axis: str, hold: Callable[[], object]) -> bool:

@@ -219,10 +219,8 @@ def test_an_axis_that_was_named_and_not_examined_is_not_proven(robot: tuple[Path
     assert done.exit_code == 4
 
 
-@pytest.mark.parametrize(("typed", "bar"), [("nan\n0,5\n", 0.5), ("inf\nx\n\n", None)])
-def test_a_gauge_shows_a_finite_number(
-    typed: str, bar: float | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize(("typed", "bar"), [("nan\n-1\n0,5\n", 0.5), ("inf\nx\n\n", None)])
+def test_a_gauge_shows_a_pressure(typed: str, bar: float | None, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO(typed))
     assert Person().gauge_bar(FIRST, lambda: time.sleep(0.001)) == bar
 

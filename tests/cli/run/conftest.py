@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,14 @@ def robot(tmp_path: Path) -> Callable[..., Path]:
         return path
 
     return write
+
+
+@pytest.fixture
+def runtime_folder(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The runtime folder of this user, short enough for the path of a socket."""
+    with tempfile.TemporaryDirectory(prefix="contid-") as folder:
+        monkeypatch.setenv("XDG_RUNTIME_DIR", f"{folder}/1000")
+        yield Path(folder) / "1000"
 
 
 @pytest.fixture

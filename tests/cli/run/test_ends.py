@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,6 +17,10 @@ from typing import Any
 import psutil
 import pytest
 
+from contid.client import Client
+from contid.remote.protocol.socket_path import is_listening
+from contid.session.read import Session
+from contid_sessions.info import summarize
 from tests.cli.run.running import enabled, feed, journal
 from tests.support.command import program
 from tests.support.fingers import circle_csv
@@ -59,19 +64,38 @@ def test_the_second_signal_relaxes_at_once(
     assert rests == {"relax"}
 
 
-def test_repeated_hangups_of_a_closed_terminal_are_one_orderly_stop(
-    robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTSTP], ids=["closed terminal", "Ctrl-Z"])
+def test_repeated_signals_of_a_terminal_are_one_orderly_stop(
+    number: signal.Signals, robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
 ) -> None:
     process = started(str(robot(1, on_interrupt="rest")), "--on-end", "hold")
     feed(process, circle_csv(1, period_s=60.0))
     until(enabled(tmp_path), "armed")
     time.sleep(0.3)
     for _ in range(2):
-        process.send_signal(signal.SIGHUP)
+        process.send_signal(number)
         time.sleep(0.05)
     process.communicate(timeout=30)
     assert process.returncode == 130
     assert {axis["rest"] for axis in journal(tmp_path)[-1]["axes"].values()} == {"hold"}
+
+
+def test_an_estop_gets_through_after_the_folder_of_the_socket_was_removed(
+    robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any], runtime_folder: Path
+) -> None:
+    """As systemd removes it at the last logout of its user, while a run in tmux goes on."""
+    process = started(str(robot(1)), "--on-end", "hold")
+    feed(process, circle_csv(1, period_s=60.0))
+    until(enabled(tmp_path), "armed")
+    shutil.rmtree(runtime_folder)
+    path = runtime_folder / "contid" / "fingers.sock"
+    until(lambda: is_listening(path), "it listens again", 10.0)
+    with Client(path) as client:
+        client.estop()
+    assert {axis["rest"] for axis in journal(tmp_path)[-1]["axes"].values()} == {"relax"}
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert "fingers.sock was removed; listening there again" in err
 
 
 @pytest.mark.parametrize("full", [False, True], ids=["reader gone", "reader that does not read"])
@@ -140,6 +164,48 @@ raise SystemExit(report.exit_code)
     assert done.returncode == 3, done.stderr
     assert "run: a source of commands ended early: OSError: gone" in done.stdout
     assert {axis["rest"] for axis in journal(tmp_path)[-1]["axes"].values()} == {"hold"}
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_a_signal_to_every_process_of_a_run_is_one_orderly_stop(
+    number: signal.Signals, robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
+) -> None:
+    """As service managers send them; its recorder completes the recording all the same."""
+    session = tmp_path / "a.mcap"
+    process = started(str(robot(1, on_interrupt="rest")), "--record", str(session))
+    feed(process, circle_csv(1, period_s=60.0))
+    until(enabled(tmp_path), "armed")
+    for each in [*psutil.Process(process.pid).children(), process]:
+        each.send_signal(number)
+    out, _ = process.communicate(timeout=30)
+    assert process.returncode == 130, out
+    assert {axis["rest"] for axis in journal(tmp_path)[-1]["axes"].values()} == {"hold"}
+    assert summarize(Session(session)).state.startswith("clean")
+
+
+def test_an_interrupt_while_the_recording_is_compacted_keeps_the_report(
+    robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
+) -> None:
+    """The robots have come to rest; the recorder is stopped here, as if it compacted for long."""
+    process = started(str(robot(1)), "--record", str(tmp_path / "a.mcap"))
+    feed(process, circle_csv(1, period_s=0.5))
+    until(enabled(tmp_path), "armed")
+    family = psutil.Process(process.pid).children()
+    (recorder,) = [each for each in family if "contid.session.mcap_recorder" in each.cmdline()]
+    recorder.suspend()
+    try:
+        until(lambda: journal(tmp_path)[-1]["event"] == "close", "the robot rests")
+        for _ in range(10):  # ignored until the run waits for nothing but the recorder
+            process.send_signal(signal.SIGINT)
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(timeout=1)
+                break
+    finally:
+        recorder.resume()
+    out, _ = process.communicate(timeout=30)
+    assert "run: the input ended (exit code 0)" in out
+    assert "still being compacted" in out
+    assert process.returncode == 0
 
 
 def test_killing_the_daemon_brings_the_robot_to_on_host_loss(

@@ -32,7 +32,7 @@ sys.exit(report.exit_code)
 """
 
 
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGTSTP"])
 def test_a_signal_while_connections_close_ends_nothing_early(name: str) -> None:
     done = subprocess.run(
         program(RUN, name),
