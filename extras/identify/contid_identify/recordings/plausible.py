@@ -88,8 +88,8 @@ def check_tips(of: MeantRows, robot: RobotDescription, tips: Array, rows: NDArra
         raise of.at(
             int(rows[row]), "meas.x_mm",
             f"the tip is {off_mm:.4g} mm from the base, but that of the robot is at most about "
-            f"{MM_PER_M * farthest_m:.4g} mm away: is its unit right? In the table of a camera the base stands "
-            "elsewhere: take its place off, or write `frame: {origin: rest, at: rest}`",
+            f"{MM_PER_M * farthest_m:.4g} mm away: is its unit right? In the table of a camera the base "
+            "stands elsewhere: take its place off, or write `frame: {origin: rest, at: rest}`",
         )  # fmt: skip
     if not np.ptp(tips, axis=0).any():
         raise ContidError(f"{of.table.file}: the measured tip never moves; are meas.x_mm .. its columns?")
@@ -122,14 +122,14 @@ def moves_early(at_s: Array, sent: Array, tip_at_s: Array, tips: Array) -> str:
 
 def tip_at_rest(robot: RobotDescription) -> Array:
     """The tip ``(3,)`` [m] in the base frame."""
-    return _tips(robot, [robot.rest])[0]
+    return np.asarray(_tips(robot, [robot.rest])[0])
 
 
 def farthest_tip_m(robot: RobotDescription) -> float:
     """About how far the tip can be from the base [m]: at rest, or with all axes at one end of their ranges.
 
-    Racks and chambers are longest at their upper ends, perhaps many times as long as at rest; tendon robots at
-    rest, where they are straight.
+    Racks and chambers are longest at their upper ends, perhaps many times as long as at rest; tendon robots
+    are so at rest, where they are straight.
     """
     count = len(robot.axis_names)
     tips = _tips(robot, [robot.rest[:count], robot.lower[:count], robot.upper[:count]])
