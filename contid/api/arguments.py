@@ -120,7 +120,7 @@ def as_values(what: str, values: ArrayLike, shape: Shape) -> Array:
 def _floats(what: str, values: ArrayLike, shape: str) -> Array:
     try:
         return np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ArgumentError(f"{what}: an array of numbers is needed, {shape} ({error})") from None
 
 

@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping
 from typing import Final
 
 from contid.errors import Located
 from contid.hal import DeviceRate
+from contid.robot_file.axis_names import axis_name_mistake
 from contid.robot_file.base import AxisDescription, Quantity
 from contid.robot_file.positions import Document, KeyPath
 from contid.robot_file.robot import RobotDescription
 from contid.units import BAR, DEG, MM_PER_M
 
-#: An extra axis is a column with its unit; a dot would be a group of columns.
-_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 #: A device that limits its acceleration needs this times that of its commands, to catch up with them: with
 #: 4 % more the set-point of a board runs up to 10 mm past violent commands, with 26 % more 0.5 mm.
 CATCH_UP: Final = 1.2
 #: Steps of its encoder that the limits of a length have at least: shipped robots have 1100 to 39 000, and
 #: metres for millimetres on one side are a thousandth of that.
 LEAST_STEPS: Final = 20.0
-#: Columns of tips.
-_TAKEN: Final = frozenset({"x", "y", "z"})
 
 
 def check_units(document: Document, at: KeyPath, robot: RobotDescription) -> Iterator[Located]:
@@ -140,16 +136,16 @@ def _check_rest(document: Document, at: KeyPath, robot: RobotDescription) -> Ite
 def _check_extra(document: Document, at: KeyPath, robot: RobotDescription) -> Iterator[Located]:
     linear = f"extra_{robot.quantity.unit}"
     others = getattr(robot, linear)
+    # Recordings have underscores for the dots.
+    own = {*robot.axis_names, *(name.replace(".", "_") for name in robot.axis_names)}
     keyed = [*((linear, name) for name in others), *(("extra_deg", name) for name in robot.extra_deg)]
     for key, name in keyed:
         if key == "extra_deg" and name in others:
             message = f"extra_deg: {name!r} is in {linear} too; an axis has one unit"
-        elif name in robot.axis_names:
+        elif name in own:
             message = f"{key}: {name!r} is an axis of the model; choose another name"
-        elif not _NAME.fullmatch(name):
-            message = f"{key}: name {name!r}: allowed are letters, digits and _, beginning with a letter"
-        elif name in _TAKEN:
-            message = f"{key}: {name!r} is a coordinate of the tip in trajectory columns; choose another name"
+        elif mistake := axis_name_mistake(name):
+            message = f"{key}: {mistake}"
         else:
             continue
         yield document.at_key((*at, key, name), message)

@@ -192,6 +192,10 @@ def test_hold_and_resume() -> None:
         ({"left.x_mm": 3, "left.z_mm": 4}, "unknown column 'left.z_mm'"),
         ({"left.x_mm": "a", "left.y_mm": 1}, "left.x_mm: 'a' is not a number"),
         ({"left.x_mm": float("nan"), "left.y_mm": 1}, "left.x_mm is nan"),
+        ({"left.x_mm": 10**400, "left.y_mm": 1}, "left.x_mm: the number is too large; at most 1e+10"),
+        ({"left": [1, 10**400]}, "actuation of left: an array of numbers is needed"),
+        ({"left.x_mm": [1, [2]], "left.y_mm": 1}, "no robot 'left.x_mm'; allowed: left, right"),
+        ({1: 5.0}, "unknown column '1'"),
     ],
 )
 def test_mistakes_in_a_step(command: Any, message: str) -> None:

@@ -225,3 +225,12 @@ def test_a_length_shorter_than_the_chord_is_reported() -> None:
     assert not fit.length_met
     assert "10 mm shorter" in fit.note
     assert fit.curve.length_m == pytest.approx(0.2)
+
+
+def test_a_curve_back_to_its_own_start_needs_a_length() -> None:
+    along, back = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
+    for direction in (along, back):
+        ends = CurveEnds((0.1, 0.2, 0.3), (0.1, 0.2, 0.3), along, direction)
+        with pytest.raises(ValueError, match="both ends of the curve are one point"):
+            through(ends)
+        assert through(ends, 0.3).curve.length_m == pytest.approx(0.3)

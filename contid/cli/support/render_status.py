@@ -6,6 +6,7 @@ import json
 import time
 from typing import Any, Final
 
+import click
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.table import Table
@@ -23,9 +24,9 @@ RETRY_S: Final = 1.0
 
 
 def render_status(status: Fields) -> Group:
-    """One status as tables."""
+    """One status as tables: robots with a fault first, because a low terminal cuts the end off."""
     parts: list[Any] = [_head(status), _buses(status)]
-    for name, robot in status["robots"].items():
+    for name, robot in sorted(status["robots"].items(), key=lambda item: item[1].get("fault") is None):
         parts += _robot(name, robot, status["rate_hz"])
     for each in status["warnings"]:
         style = "yellow" if each["level"] == "warning" else "red"
@@ -147,9 +148,9 @@ def _shown(value: float | None, how: str) -> str:
 def watch_status(socket: str | None, rate_hz: float, as_json: bool) -> None:
     """Show the status until Ctrl-C, one below the other where stdout is no terminal.
 
-    A daemon that ended is searched again.
+    A daemon that ended is searched again; with ``as_json`` stderr says so once.
     """
-    console = Console()
+    console, missing = Console(), ""
     with Live(console=console, auto_refresh=False, screen=False) as live:
 
         def show(status: RenderableType) -> None:
@@ -162,7 +163,7 @@ def watch_status(socket: str | None, rate_hz: float, as_json: bool) -> None:
             try:
                 with Client(socket, name="contid status --watch") as client:
                     while True:
-                        status = client.status()
+                        status, missing = client.status(), ""
                         if as_json:
                             live.console.file.write(json.dumps(status) + "\n")
                             live.console.file.flush()
@@ -172,4 +173,7 @@ def watch_status(socket: str | None, rate_hz: float, as_json: bool) -> None:
             except (NoDaemonError, ConnectionLostError) as error:
                 if not as_json:
                     show(Text(str(error), style="yellow"))
+                elif str(error) != missing:
+                    missing = str(error)
+                    click.echo(missing, err=True)
                 time.sleep(RETRY_S)

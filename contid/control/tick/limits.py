@@ -110,7 +110,8 @@ def limit_axis(
         target_step: how far the target moves per tick.
 
     Returns:
-        The command and the limits that bound (bits; 0 when the command is the target itself).
+        The command and the limits that bound: bits, 0 when the command is the target itself or brakes towards
+        it, which no limit cuts.
     """
     command: tuple[float, int] = kernel().limit_axis(limits, last, last_step, target, target_step)
     return command

@@ -95,13 +95,15 @@ class LiveRows:
         refused: Collection[str],
         record: TickRecord | None,
     ) -> dict[str, Target]:
-        """Targets within reach in place of refused ones (`along_the_edge`); none if a row of them is not."""
+        """Targets within reach in place of refused ones (`along_the_edge`), where those without one hold."""
         found = {
             name: edge
             for name, step in steps.items()
             if name in refused and (edge := along_the_edge(*step)) is not None
         }
-        return {} if found and self._preconditions.unreachable({**targets, **found}, record) else found
+        row = {**targets, **dict.fromkeys(refused), **found}
+        again = self._preconditions.unreachable(row, record) if found else {}
+        return {name: edge for name, edge in found.items() if name not in again}
 
 
 def _beside(steps: Mapping[str, _LiveStep]) -> dict[str, str]:

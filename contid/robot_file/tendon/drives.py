@@ -7,7 +7,6 @@ the balance of tendons and backbone (`contid.kinematics.tendon.tension`).
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from contid.robot_file.axis_names import axis_name_mistake
 from contid.robot_file.base import Interval, Strict
 
 if TYPE_CHECKING:
@@ -22,9 +22,6 @@ if TYPE_CHECKING:
 
 #: Least range of the travel on either side of the straight robot; no drive resolves less.
 _ROOM_MM: Final = 1e-3
-_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-#: Columns ``x_mm`` and so on are those of the tip.
-_RESERVED: Final = ("x", "y", "z")
 #: Of the largest singular value: below it drives bend the robot in the same way.
 _ALIKE: Final = 1e-6
 #: Part of the pulls of a drive that no bend has, by which rounded azimuths are off.
@@ -71,11 +68,8 @@ def check_drives(
         elastic: True where its tendons have a stiffness.
     """
     for name, drive in drives.items():
-        if not _NAME.fullmatch(name) or name in _RESERVED:
-            yield (
-                f"drives.{name} is no name of a drive; allowed are letters, digits and _, beginning with a "
-                f"letter, except {', '.join(_RESERVED)}"
-            )
+        if mistake := axis_name_mistake(name):
+            yield f"drives.{name}: {mistake}"
         for tendon, ratio in drive.pulls.items():
             if tendon not in tendons:
                 yield f"drives.{name}.pulls: no tendon {tendon!r}; this robot has {', '.join(tendons)}"

@@ -111,6 +111,14 @@ class Tensioning(Strict):
     slack_ma: Annotated[int, Field(ge=1, le=600)] | None = None
     slack_ms: Positive = 500.0
 
+    @model_validator(mode="after")
+    def _taut_is_not_slack(self) -> Self:
+        if self.slack_ma is not None and self.slack_ma >= self.current_ma:
+            raise ValueError(
+                f"slack_ma {self.slack_ma} is not below the {self.current_ma} mA of a taut tendon"
+            )
+        return self
+
 
 Homing: TypeAlias = Annotated[HardStop | SingleTurn | Tensioning, Field(discriminator="method")]
 
@@ -158,7 +166,7 @@ class DynamixelAxisOptions(Strict):
 
     @model_validator(mode="after")
     def _currents_of_the_model(self) -> Self:
-        """Currents end at those of the model; a model without current registers takes none."""
+        """Currents end at that of the model and at the axis's own limit; without registers there are none."""
         limit_ma = BY_NAME[self.model].current_limit_ma
         homing_ma = self.homing.current_ma if isinstance(self.homing, HardStop | Tensioning) else None
         currents = {
@@ -171,6 +179,8 @@ class DynamixelAxisOptions(Strict):
                 raise ValueError(f"{key} has no meaning: {self.model} has no current registers")
             if current_ma is not None and current_ma > limit_ma:
                 raise ValueError(f"{key} {current_ma} is too much for {self.model}; allowed: {limit_ma:.0f}")
+            if current_ma is not None and current_ma > (self.current_limit_ma or limit_ma):
+                raise ValueError(f"{key} {current_ma} is above current_limit_ma {self.current_limit_ma}")
         if self.mode == "current_based_position" and not limit_ma:
             raise ValueError(f"mode current_based_position: {self.model} has no current registers")
         return self

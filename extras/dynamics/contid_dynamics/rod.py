@@ -127,7 +127,7 @@ class MovingRod:
 
     Args:
         elements: its elements.
-        stiffness: of the strains, ``(elements, 6)`` [N m for bends and twist, N m for the others].
+        stiffness: of the strains, ``(elements, 6)`` [N m]: bends and twist are in rad, the others ratios.
         damping_s: time by which stiffness becomes damping [s].
 
     Attributes:
@@ -159,7 +159,8 @@ class MovingRod:
 
         Args:
             gravity_m_s2: acceleration, in the base frame.
-            wrenches: dead force [N] and moment [N m], six numbers, on ends of elements by their number.
+            wrenches: dead force [N] and moment [N m], six numbers, on the ends of elements. Element 0 ends at
+                node 1: numbers are one less than those of `run` and `poses`.
             strains: moments that work on the strains, such as those of chambers, ``(elements, 6)``.
             pulls_m: pulls of the tendons.
             within_s: time in which the tendons get there, evenly; one step at least.

@@ -19,14 +19,14 @@ from contid.units import DEG
 from contid_dynamics.arm import MovingArm
 from contid_dynamics.report import pose_arm
 
-#: Which of the random poses are kept aside.
+#: One pose in this many is kept out of the fit, which is judged by it.
 _KEPT_OUT: Final = 4
 #: Directions of the terms with less than this share of the spread of the greatest are left out: the pulls of
 #: one section have a sum that the poses hardly change.
 _FLAT: Final = 3e-3
 #: Share of the poses whose frequencies may be outside of what shaping takes; they count as at its edge.
 _OUTSIDE: Final = 0.1
-#: Poses for every number of a polynomial, at least.
+#: Poses for each of the numbers of a polynomial, at least.
 _PER_TERM: Final = 2.0
 _DIGITS: Final = 5
 #: The shaper cancels swings of the two frequencies, or of these times the one between them where they are
@@ -72,7 +72,7 @@ def schedule_of(robot: RobotDescription, poses: int, load_g: float = 0.0, seed: 
         raise ContidError(f"--schedule {poses}: {axes} axes need at least {round(_PER_TERM * terms)} poses")
     at_rest = np.array(robot.rest[:axes])
     actuations = np.vstack((random_actuations(robot, poses - 1, seed, spread=True), at_rest))
-    # Those of many elements are as many times higher at other poses as at rest.
+    # By what factor more elements change the frequencies at rest, they change those of other poses: (1, 2).
     finer = _frequencies(pose_arm(robot), at_rest[None, :]) / _frequencies(MovingArm(robot), at_rest[None, :])
     free = finer * _frequencies(MovingArm(robot), actuations)
     loaded = finer * _frequencies(MovingArm(robot, load_g * 1e-3), actuations) if load_g else free
@@ -178,6 +178,7 @@ def _frequencies(arm: MovingArm, actuations: Array) -> Array:
 
 
 def _apart(frequencies: Array) -> Array:
+    """The two frequencies ``(poses, 2)`` [Hz], moved apart where they are nearer than `_APART`."""
     between = np.sqrt(frequencies.prod(axis=1))
     return np.column_stack(
         (
@@ -197,6 +198,10 @@ def _at_rest(robot: RobotDescription) -> dict[str, float]:
 
 
 def _terms(shares: Array) -> Array:
+    """Terms of a polynomial of degree 2, ``(poses, terms)``: 1, every share and every product of two.
+
+    ``shares`` of the half ranges from their middles, from -1 to 1, ``(poses, axes)``; beyond they end there.
+    """
     x: Array = np.maximum(-1.0, np.minimum(1.0, shares))
     axes = x.shape[1]
     pairs = [x[:, i] * x[:, j] for i in range(axes) for j in range(i, axes)]

@@ -123,11 +123,16 @@ class _Conductor:
                 await self._clients[name].hold()
 
     async def _keep_leases(self) -> None:
-        """Ping in this loop, not in a thread: it stops with the program."""
+        """Ping in this loop, not in a thread: it stops with the program.
+
+        Each node by itself: the pings of the others do not wait for one that no longer answers.
+        """
+        await asyncio.gather(*map(self._keep_lease, self._clients.values()))
+
+    async def _keep_lease(self, client: AsyncClient) -> None:
         while True:
             await asyncio.sleep(self._lease_s / PINGS_PER_LEASE)
-            pings = (client.ping() for client in self._clients.values())
-            await asyncio.gather(*pings, return_exceptions=True)  # what failed, the step notices
+            await asyncio.gather(client.ping(), return_exceptions=True)  # what failed, the step notices
 
     async def _each(self, step: str, do: Callable[[str], Awaitable[Any]]) -> dict[str, Any]:
         """Do a step at every node at once.

@@ -54,6 +54,34 @@ def test_fifty_nodes_confirm_a_start_in_time() -> None:
     assert at_s > time.monotonic()
 
 
+class PingedClient:
+    """A node with a lease; one that hangs never answers."""
+
+    def __init__(self, hangs: bool) -> None:
+        self._hangs, self.pings = hangs, 0
+
+    async def ping(self) -> None:
+        self.pings += 1
+        if self._hangs:
+            await asyncio.get_running_loop().create_future()
+
+
+def test_a_node_that_hangs_costs_no_other_its_lease() -> None:
+    """Requests wait for their answers for ten seconds; leases may be as short as 0.3 s."""
+    clients = {"hand0": PingedClient(hangs=True), "hand1": PingedClient(hangs=False)}
+    operator = cast(FleetOperator, SimpleNamespace(origin=Origin("anna", "session")))
+    lease_s, leases = 0.1, 5
+    conductor = _Conductor(operator, cast(dict[str, AsyncClient], clients), {}, lease_s, lambda step: None)
+
+    async def keep() -> None:
+        async with asyncio.timeout(leases * lease_s):
+            await conductor._keep_leases()
+
+    with pytest.raises(TimeoutError):
+        asyncio.run(keep())
+    assert clients["hand1"].pings >= 2 * leases
+
+
 def test_a_stop_of_a_daemon_that_does_not_answer_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

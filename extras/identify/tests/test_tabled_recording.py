@@ -195,3 +195,26 @@ def test_from_tables_to_a_pattern_that_was_not_recorded(
     off = np.linalg.norm(tips[:, 1:4] - tips[:, 4:7], axis=1)
     moved = np.linalg.norm(tips[:, 1:4] - tips[0, 1:4], axis=1)
     assert np.sqrt((off**2).mean()) < 0.1 * np.sqrt((moved**2).mean())
+
+
+def tips_of_racks(tmp_path: Path, scale: float) -> TabledRecording:
+    """A table of `trirack`, 50 mm long at rest and 650 at most, whose sections move about 300 mm together."""
+    (robot,) = load_named("trirack").driven.values()
+    at_s = np.arange(0.0, 20.0, 0.05)
+    lengths_mm = 300.0 + 100.0 * np.sin(np.maximum(at_s - 1.0, 0.0))
+    # Straight: the tip is as far away as the racks are long.
+    lines = [
+        f"{t:.2f},{s:.3f},{s:.3f},{s:.3f},0,0,{scale * s:.3f}" for t, s in zip(at_s, lengths_mm, strict=True)
+    ]
+    file = tmp_path / "racks.csv"
+    file.write_text(
+        "\n".join([f"t_s,{','.join(robot.columns)},meas.x_mm,meas.y_mm,meas.z_mm", *lines]) + "\n"
+    )
+    return read_tabled(file, "arm", robot, "", "")
+
+
+def test_tips_of_a_robot_that_grows_are_taken_up_to_its_greatest_length(tmp_path: Path) -> None:
+    found = tips_of_racks(tmp_path, 1.0)
+    assert float(found.recording.tip_m[:, 2].max()) == pytest.approx(0.4, abs=1e-3)
+    with pytest.raises(ContidError, match=r"robot is at most about 650 mm away: is its unit right\?"):
+        tips_of_racks(tmp_path, 10.0)

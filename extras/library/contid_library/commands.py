@@ -41,7 +41,7 @@ class CommandReader:
                 names = ", ".join(self._robots)
                 raise ArgumentError(f"several robots: name them, {{robot: actuation}} with {names}")
             return {name: self._actuation(name, command) for name in self._robots}
-        if any(name in self._robots or np.ndim(values) for name, values in command.items()):
+        if any(name in self._robots or _is_array(values) for name, values in command.items()):
             return {name: self._actuation(name, values) for name, values in command.items()}
         return self._row(command)
 
@@ -65,7 +65,7 @@ class CommandReader:
         return Target(actuation=tuple(self._units.to_si(rows, robot.quantity)[0].tolist()))
 
     def _row(self, command: Mapping[str, ArrayLike]) -> Mapping[str, Target]:
-        names = tuple(command)
+        names = tuple(map(str, command))
         if not names:
             raise ArgumentError(f"no robot and no column; {allowed_names(self._robots)}")
         try:
@@ -77,11 +77,21 @@ class CommandReader:
             raise ArgumentError("; ".join(finding.message for finding in error.findings)) from None
 
 
+def _is_array(values: ArrayLike) -> bool:
+    """It has a dimension; lists of unequal length are arrays too, which are refused."""
+    try:
+        return np.ndim(values) > 0
+    except ValueError:
+        return True
+
+
 def _numbers(command: Mapping[str, ArrayLike]) -> Sequence[float]:
     numbers = []
     for name, value in command.items():
         try:
             numbers.append(float(value))  # type: ignore[arg-type]  # what is no number is refused here
+        except OverflowError:
+            raise ArgumentError(f"{name}: the number is too large; at most {MAX_NUMBER:g}") from None
         except (TypeError, ValueError):
             raise ArgumentError(f"{name}: {value!r} is not a number") from None
     return numbers

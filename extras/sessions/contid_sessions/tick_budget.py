@@ -48,9 +48,10 @@ class BudgetReport:
         yield str(self.size)
 
     def as_dict(self) -> Mapping[str, Any]:
-        """For JSON; times in seconds."""
+        """For JSON; times in seconds; ``refusal`` is why a run would be refused, None when it fits."""
         budget = self.budget
         return {
+            "refusal": self.refusal() or None,
             "rate_hz": budget.rate_hz,
             "highest_rate_hz": budget.highest_rate_hz,
             "wires_s": dict(budget.wires_s),

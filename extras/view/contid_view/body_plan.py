@@ -73,7 +73,11 @@ def body_plan(robot: RobotDescription, length_mm: float) -> tuple[BodyPart, ...]
 
 
 def section_shares(robot: RobotDescription, actuation: Sequence[float]) -> tuple[float, ...]:
-    """Ends of the sections as shares of the backbone, 0 first and 1 last."""
+    """Ends of the sections as shares of the backbone, 0 first and 1 last.
+
+    Of a finger the tip body is a section too, and of a tendon robot the pieces before its first section and
+    behind its last one.
+    """
     if isinstance(robot, SectionRobot):
         lengths = [
             sum(actuation[3 * s : 3 * s + 3]) / 3.0 + rigid
@@ -82,7 +86,9 @@ def section_shares(robot: RobotDescription, actuation: Sequence[float]) -> tuple
     elif isinstance(robot, Cosserat):
         lengths = [each.length_mm + each.link_mm for each in robot.geometry.sections]
     elif isinstance(robot, TendonRobot):
-        lengths = [each.length_mm + each.rigid_mm for each in robot.geometry.sections]
+        geometry = robot.geometry
+        sections = [each.length_mm + each.rigid_mm for each in geometry.sections]
+        lengths = [geometry.base_offset_mm, *sections, math.hypot(*geometry.tip_offset_mm)]
     elif isinstance(robot, RackFinger):
         lengths = [sum(actuation[:2]) / 2.0, robot.geometry.tip_length_mm / MM_PER_M]
     else:
@@ -137,14 +143,20 @@ def _pneumatic(robot: Cosserat) -> Iterator[BodyPart]:
 
 
 def _tendon(robot: TendonRobot) -> Iterator[BodyPart]:
-    """A rod with discs; the tendons themselves are drawn as lines."""
-    rim = RIM * max(max(section.radius_mm) for section in robot.geometry.sections)
-    for section in range(len(robot.geometry.sections)):
-        yield from _tube(section, PIECES, _ON_LINE, 0.18 * rim, section % 2)
+    """A rod with discs; the tendons themselves are drawn as lines. Section 0 is before the first disc."""
+    geometry = robot.geometry
+    rim = RIM * max(max(section.radius_mm) for section in geometry.sections)
+    rod, last = 0.18 * rim, 1 + len(geometry.sections)
+    for section in range(1, last):
+        yield from _tube(section, PIECES, _ON_LINE, rod, (section - 1) % 2)
         for k in range(1, DISCS + 1):
             thick = 0.16 * rim if k < DISCS else 0.3 * rim
             yield _disc(section + k / DISCS, rim, thick)
-    yield _disc(0.0, 1.2 * rim, 0.35 * rim)
+    yield _disc(1.0, 1.2 * rim, 0.35 * rim)
+    if geometry.base_offset_mm:
+        yield BodyPart(0.0, 1.0, _ON_LINE, _ON_LINE, rod, 0)
+    if any(geometry.tip_offset_mm):
+        yield BodyPart(float(last), last + 1.0, _ON_LINE, _ON_LINE, rod, 0)
 
 
 def _tube(section: int, pieces: int, offset: Offset, radius: float, shade: int) -> Iterator[BodyPart]:

@@ -82,6 +82,20 @@ def test_racks_and_tubes_are_as_long_as_their_axes(name: str) -> None:
         assert np.linalg.norm(np.diff(span, axis=0), axis=1).max() < 1e3 * actuation[axis]
 
 
+@pytest.mark.parametrize("name", ["tendon3", "bend1", "ftdcr_v4"])
+def test_discs_of_a_tendon_robot_are_where_its_tendons_are_led(name: str) -> None:
+    """Pieces before the first section and behind the last one have none: of bend1 10 and 5 of 135 mm."""
+    robot, body = scene_of(name)
+    drawing = robot.drawing(robot.config.rest)
+    assert drawing is not None
+    # Straight up; lines of discs have their corners and the first one again.
+    discs = {round(float(line[0, 2]), 3) for line in drawing.strips[drawing.sections :] if len(line) > 20}
+    cylinders = body.place([drawing])
+    plates = body.shades == 2
+    tops = (cylinders.centres[0, :, 2] + 0.5 * cylinders.lengths[0])[plates]
+    assert {round(float(each), 3) for each in tops} == discs
+
+
 def test_transport_agrees_with_the_frame_of_the_model_on_an_arc() -> None:
     """An arc in a plane that is turned about z: its end frame is one rotation about the normal."""
     for azimuth, bend in ((0.3, 1.2), (-2.0, 2.8), (1.0, 0.0)):

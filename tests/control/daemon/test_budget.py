@@ -88,7 +88,9 @@ def test_check_prints_shares_and_refuses(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr("contid_sessions.tick_budget.measure_budget", short)
     done = CliRunner().invoke(command, ["hand", "--budget", "--json"])
     assert done.exit_code == 2  # 4 ms of 5, and the wire takes 0.9
-    motions = json.loads(done.stdout)["budget"]["motions"]
+    budget = json.loads(done.stdout)["budget"]
+    assert "a tick takes" in budget["refusal"]
+    motions = budget["motions"]
     assert list(motions) == ["hold", "path", "stream"]
     assert all(each["robots_s"]["left"] >= BURNT_S for each in motions.values())
 

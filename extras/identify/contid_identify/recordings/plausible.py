@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -19,8 +20,10 @@ from contid_adapt.reading.table import Table
 
 #: Set-points this far outside of the limits of a robot, in shares of its range, have another unit.
 _BEYOND: Final = 0.5
-#: Tips this many lengths of the arm from its base have another unit or frame.
+#: Tips this many times as far from the base as the model's can be have another unit or frame.
 _FARTHEST: Final = 2.0
+#: Share of the tips above which that is so of the table, not of single tips.
+_MOST: Final = 0.5
 #: Single tips are wrong that are farther from the median of five than this many times what this share of all
 #: is at most, and this share of their extent.
 _JUMP: Final = 5.0
@@ -67,18 +70,25 @@ def check_limits(of: MeantRows, robot: RobotDescription, sent: Array, first: int
 
 
 def check_tips(of: MeantRows, robot: RobotDescription, tips: Array, rows: NDArray[np.intp]) -> None:
-    """Refuse tips that no such robot reaches, or that stand still."""
+    """Refuse tips ``(n, 3)`` [m], base frame, most of which no such robot reaches, or that stand still.
+
+    Args:
+        of: the table that has them.
+        robot: its description.
+        tips: measured tips.
+        rows: row of the table that each tip is from.
+    """
     if not len(tips):
         return
-    longest = float(np.linalg.norm(tip_at_rest(robot)))
-    far = np.linalg.norm(tips, axis=1) > _FARTHEST * longest
-    if far.mean() > 0.5:
+    farthest_m = farthest_tip_m(robot)
+    far = np.linalg.norm(tips, axis=1) > _FARTHEST * farthest_m
+    if far.mean() > _MOST:
         row = int(np.argmax(far))
         off_mm = MM_PER_M * float(np.linalg.norm(tips[row]))
         raise of.at(
             int(rows[row]), "meas.x_mm",
-            f"the tip is {off_mm:.4g} mm from the base, but the robot is "
-            f"{MM_PER_M * longest:.4g} mm long at rest: is its unit right? In the table of a camera the base "
+            f"the tip is {off_mm:.4g} mm from the base, but that of the robot is at most about "
+            f"{MM_PER_M * farthest_m:.4g} mm away: is its unit right? In the table of a camera the base "
             "stands elsewhere: take its place off, or write `frame: {origin: rest, at: rest}`",
         )  # fmt: skip
     if not np.ptp(tips, axis=0).any():
@@ -112,5 +122,20 @@ def moves_early(at_s: Array, sent: Array, tip_at_s: Array, tips: Array) -> str:
 
 def tip_at_rest(robot: RobotDescription) -> Array:
     """The tip ``(3,)`` [m] in the base frame."""
-    own = np.asarray(forward_many(build_model(robot), np.array([robot.rest]))["tip_m"])[0]
-    return np.append(own, np.zeros(3 - len(own)))
+    return np.asarray(_tips(robot, [robot.rest])[0])
+
+
+def farthest_tip_m(robot: RobotDescription) -> float:
+    """About how far the tip can be from the base [m]: at rest, or with all axes at one end of their ranges.
+
+    Racks and chambers are longest at their upper ends, perhaps many times as long as at rest; tendon robots
+    are so at rest, where they are straight.
+    """
+    count = len(robot.axis_names)
+    tips = _tips(robot, [robot.rest[:count], robot.lower[:count], robot.upper[:count]])
+    return float(np.nanmax(np.linalg.norm(tips, axis=1)))
+
+
+def _tips(robot: RobotDescription, actuations: Sequence[Sequence[float]]) -> Array:
+    """The tips ``(n, 3)`` [m] in the base frame."""
+    return np.asarray(forward_many(build_model(robot), np.array(actuations))["tip_m"])

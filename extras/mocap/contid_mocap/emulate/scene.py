@@ -5,9 +5,12 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, field
+from typing import Final
 
 from contid.errors import ContidError
 
+#: Largest number in a pose; packets have single precision, which ends at 3e38.
+MAX_NUMBER: Final = 1e10
 #: Position [m] and quaternion (x, y, z, w).
 EmulatedPose = tuple[float, float, float, float, float, float, float]
 
@@ -54,6 +57,17 @@ class EmulatedScene:
         self.bodies |= poses
 
 
-def _pose(values: list[float]) -> EmulatedPose:
+def _pose(values: object) -> EmulatedPose:
+    """A pose from a value of JSON.
+
+    Raises:
+        ValueError: it is no list of seven numbers, which are finite and fit into the packets.
+    """
+    if not isinstance(values, list) or not all(map(_is_coordinate, values)):
+        raise ValueError(f"{values!r:.80} is no pose")
     x, y, z, qx, qy, qz, qw = map(float, values)
     return x, y, z, qx, qy, qz, qw
+
+
+def _is_coordinate(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MAX_NUMBER

@@ -117,6 +117,9 @@ def through(ends: CurveEnds, length_m: float | None = None, beta: float = 0.0, g
 
     An impossible length (shorter than the chord, or beyond this branch) gives the curve of unknown length,
     with ``length_met`` False.
+
+    Raises:
+        ValueError: both ends are one point and there is no length: nothing gives the curve a size.
     """
     start, end = np.array(ends.start_m), np.array(ends.end_m)
     t0, t1 = _unit(ends.start_direction), _unit(ends.end_direction)
@@ -129,6 +132,8 @@ def through(ends: CurveEnds, length_m: float | None = None, beta: float = 0.0, g
     met, note = True, ""
     if math.isnan(m):
         m = speed_as_mean(chord, G, k)
+        if m == 0.0:
+            raise ValueError("both ends of the curve are one point; it needs a length")
         if length_m is not None:
             met, note = False, _length_note(chord, length_m)
     # The preimages from which m was computed: lifting nearly opposite derivatives again could give others.

@@ -25,10 +25,11 @@ from contid_view.view_target import ViewError
 if TYPE_CHECKING:
     from contid_dynamics.swing import SwingingPose
 
-#: Frames of a period of the fastest mode at least, and frames a second.
+#: Frames of a period of the fastest mode, and the least and greatest number of frames a second. A mode of
+#: more than half of that cannot be seen as fast as it is; its label has its frequency.
 _PER_PERIOD: Final = 12.0
 _RATE_HZ: Final = (30.0, 120.0)
-#: Periods of the slowest mode at least, and how long a drawing plays [s].
+#: Periods of the slowest mode, and the least and greatest duration of a drawing [s].
 _PERIODS: Final = 3.0
 _PLAYS_S: Final = (3.0, 12.0)
 #: From robot to robot, as a share of the length of the longest.
