@@ -112,6 +112,32 @@ async def test_a_jog_after_another_order_loses_no_row(served: PanelProcess) -> N
         beats.cancel()
 
 
+@pytest.mark.parametrize("share", [1.0, 0.5])
+async def test_an_order_before_a_hold_begins_no_motion_after_it(served: PanelProcess, share: float) -> None:
+    """The panel asks the daemon who holds the lease before it sends a motion; the hold comes meanwhile."""
+    column, row = ["f0.x_mm", "f0.y_mm"], list(FAR.values())
+    async with page(served) as it:
+        await it.order("acquire")
+        beats = asyncio.create_task(_alive(it))
+        orders: tuple[tuple[str, dict[str, object]], ...] = (
+            ("goto", {"target": _target(FAR), "share": share}), ("jog", {"columns": column, "rows": [row]}),
+        )  # fmt: skip
+        for verb, fields in orders:
+            await it.until(lambda page: page.state("f0") == "HOLD")
+            before_mm = it.tip_mm()
+            await it.send(verb, **fields)
+            held = await it.order("hold")
+            assert held["ok"]
+            for _ in range(20):  # what began after the hold shows within 0.4 s
+                await it.until(lambda page: page.newest.pop("frame", None) is not None)
+                await it.until(lambda page: "frame" in page.newest)
+                assert it.tip_mm() == pytest.approx(before_mm, abs=0.1), verb
+        # An order that is given after the hold is carried out.
+        assert (await it.order("goto", target=_target(FAR)))["ok"]
+        await it.until(lambda page: page.tip_mm()[0] < 32)
+        beats.cancel()
+
+
 async def test_pages_that_end_in_the_middle_of_an_order(served: PanelProcess) -> None:
     """The panel's messages on stderr are checked at its end; no page may leave a traceback."""
     for _ in range(5):
