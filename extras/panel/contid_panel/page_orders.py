@@ -18,6 +18,7 @@ from contid.remote.protocol.wire import (
     RequestFields,
     is_number,
 )
+from contid.trajectory.rows import MAX_NUMBER
 from contid_panel.checks import Checks
 from contid_panel.hub import Hub
 from contid_panel.page_client import LEASE_TIMEOUT_S, PageClient
@@ -118,8 +119,9 @@ class PageOrders:
         target = request.mapping("target") or {}
         share = _share(request)
         request.end()
-        if not target or not all(map(is_number, target.values())):
-            raise RemoteError(Code.BAD_REQUEST, "target: columns with numbers are expected, such as x_mm: 40")
+        if not target or not all(is_number(each) and abs(each) <= MAX_NUMBER for each in target.values()):
+            message = f"target: columns with numbers up to {MAX_NUMBER:g} are expected, such as x_mm: 40"
+            raise RemoteError(Code.BAD_REQUEST, message)
         return await self._go(target, share)
 
     async def _home(self, request: RequestFields) -> Fields:
