@@ -68,8 +68,8 @@ def send(
 ) -> None:
     """Send a request to a daemon and print the response; a refusal keeps its faults in ``--json`` too.
 
-    Exits with 0, and prints ``"ok": true``, only if every robot obeyed and, after an order to stop, every axis
-    answered it.
+    Exits with 0, and prints ``"ok": true``, only if every robot obeyed and, after an order to stop, every
+    axis answered it.
 
     Args:
         socket: path of the socket of the daemon, None for the only one.
