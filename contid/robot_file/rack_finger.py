@@ -190,30 +190,29 @@ class RackFinger(RobotDescription):
 
     @model_validator(mode="after")
     def _rests_within_curvature(self) -> RackFinger:
-        """A stop of policy ``rest`` goes there, and a simulated run, which begins there, never ends."""
+        """Refuse a rest beyond the curvature: a stop by ``rest`` and a simulated run would never reach it."""
         if self.rest_mm is None or len(self.rest_mm) != len(self.axis_names):
             return self  # the number of lengths and their limits are checked with those of other robots
         left, right = self.rest_mm
-        arc = 0.5 * (left + right)
-        if arc < self.limits.arc_length_min_mm:
+        arc_mm = 0.5 * (left + right)
+        if arc_mm < self.limits.arc_length_min_mm:
             raise ValueError(
-                f"rest_mm: its arc is {arc:g} mm long; allowed: at least arc_length_min_mm, "
+                f"rest_mm: its arc is {arc_mm:g} mm long; allowed: at least arc_length_min_mm, "
                 f"{self.limits.arc_length_min_mm:g}"
             )
-        gain = 1.0 if self.correction is None else self.correction.gain(arc)
-        curvature, most = (
-            abs(right - left) / (self.geometry.rack_spacing_mm * arc) * gain,
-            self.curvature_max_per_m,
-        )
-        if curvature * MM_PER_M > most * (1.0 + 1e-9):
+        gain = 1.0 if self.correction is None else self.correction.gain(arc_mm)
+        curvature_per_mm = abs(right - left) / (self.geometry.rack_spacing_mm * arc_mm) * gain
+        most_per_mm = self.curvature_max_per_m / MM_PER_M
+        if curvature_per_mm > most_per_mm * (1.0 + 1e-9):
             raise ValueError(
-                f"rest_mm: its curvature is {curvature:.3g} /mm; allowed: at most {most / MM_PER_M:.3g} /mm"
+                f"rest_mm: its curvature is {curvature_per_mm:.3g} /mm; allowed: "
+                f"at most {most_per_mm:.3g} /mm"
             )
         return self
 
     @property
     def axis_names(self) -> tuple[str, ...]:
-        """L1 is the left rack, L2 the right one, with the finger growing along +y."""
+        """In the paper L1 and L2."""
         return ("left", "right")
 
     @property

@@ -28,10 +28,11 @@ def exchange_time(bus: BusWiring) -> ExchangeTime | None:
 
 def highest_rate_hz(time: ExchangeTime) -> float:
     """Highest rate that fits with plain reads and a slow adapter [Hz], rounded down."""
-    return _rounded_down(SHARE / time.most_s)
+    return rounded_down(SHARE / time.most_s)
 
 
-def _rounded_down(rate_hz: float) -> float:
+def rounded_down(rate_hz: float) -> float:
+    """A rate that may be named as allowed: whole, or with two decimals below `_WHOLE_HZ`."""
     return float(math.floor(rate_hz)) if rate_hz >= _WHOLE_HZ else math.floor(rate_hz * 100.0) / 100.0
 
 
@@ -44,7 +45,7 @@ def rate_too_high(buses: Iterable[BusWiring], rate_hz: float) -> Iterator[str]:
                 f"{rate_hz:g} Hz is too fast for the wire of bus {bus.name!r}: {time.what} need "
                 f"{time.least_s * 1e3:.3g} ms per exchange, a period is {1e3 / rate_hz:.3g} ms; "
                 f"at most {highest_rate_hz(time):g} Hz fit in every case, "
-                f"{_rounded_down(1.0 / time.least_s):g} Hz are allowed; or raise the baud rate"
+                f"{rounded_down(1.0 / time.least_s):g} Hz are allowed; or raise the baud rate"
             )
 
 

@@ -60,6 +60,20 @@ def test_a_name_of_the_kernel_depends_on_the_order(links: Path, monkeypatch: pyt
     assert checked(links, monkeypatch, "serial/by-id/usb-1a86_USB_Serial-if00-port0", known)[1] == ""
 
 
+@pytest.mark.parametrize("name", ["arm", "robots/arm"])
+def test_the_name_of_a_udev_rule_is_that_of_one_port(
+    links: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """It is what the warnings recommend where no link of ``by-path`` is there."""
+    (links / name).parent.mkdir(exist_ok=True)
+    (links / name).symlink_to(links / "ttyUSB0")
+    two = [Port(str(links / f"ttyUSB{number}")) for number in range(2)]
+    for ports in (two, two[:1], [Port(str(links / "ttyUSB0"), 0x0403, 0x6014, "FT1")]):
+        message, remedy = checked(links, monkeypatch, name, *ports)
+        assert message.endswith("arm, the name of a udev rule")
+        assert remedy == ""
+
+
 def test_a_port_that_is_none_of_usb_has_no_finding(links: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("serial.tools.list_ports.comports", lambda: [Port(str(links / "ttyS0"), None)])
     assert port_name("servos", "/dev/ttyS0", str(links / "ttyS0")) == []

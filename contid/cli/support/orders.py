@@ -68,7 +68,8 @@ def send(
 ) -> None:
     """Send a request to a daemon and print the response; a refusal keeps its faults in ``--json`` too.
 
-    Exits with 0 only if every robot obeyed and, after an order to stop, every axis answered it.
+    Exits with 0, and prints ``"ok": true``, only if every robot obeyed and, after an order to stop, every
+    axis answered it.
 
     Args:
         socket: path of the socket of the daemon, None for the only one.
@@ -87,7 +88,7 @@ def send(
         raise RequestRefusedError(error) from None
     refused, silent = response.get("refused", {}), response.get("silent", {})
     if as_json:
-        click.echo(json.dumps({"ok": not refused, **response}))
+        click.echo(json.dumps({"ok": not (refused or silent), **response}))
         sys.exit(2 if refused else MISSED if silent else 0)
     for name, state in response.get("robots", {}).items():
         click.echo(f"{name}: {state}")

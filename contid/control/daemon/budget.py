@@ -7,10 +7,11 @@ threads of several buses.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
+
+from contid.robot_file.tick_rate import rounded_down
 
 #: Share of the period, less the time on the slowest wire, that a tick may take.
 ALLOWED: Final = 0.8
@@ -61,13 +62,16 @@ class Budget:
 
     @property
     def highest_rate_hz(self) -> float:
-        """Highest rate that fits."""
-        rate_hz = 1.0 / (self.work_s / ALLOWED + max(self.wires_s.values(), default=0.0))
-        return float(math.floor(rate_hz)) if rate_hz >= 10.0 else math.floor(rate_hz * 100.0) / 100.0
+        """Highest rate that fits, rounded down."""
+        return rounded_down(1.0 / self._least_period_s)
+
+    @property
+    def _least_period_s(self) -> float:
+        return self.work_s / ALLOWED + max(self.wires_s.values(), default=0.0)
 
     def refusal(self) -> str:
         """Why a run is refused; empty when it fits."""
-        if self.highest_rate_hz >= self.rate_hz:
+        if self._least_period_s * self.rate_hz <= 1.0:
             return ""
         cost = max(self.costs, key=lambda each: each.work_s(self.own))
         dearest = max(cost.robots_s, key=lambda name: cost.robots_s[name])

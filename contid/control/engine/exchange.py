@@ -161,15 +161,17 @@ class Exchange:
     def abandon(self) -> None:
         """After an internal error: try to bring the devices to their ``on_host_loss`` rest.
 
-        A rest that was asked for and not sent yet, such as that of an emergency stop, comes after it.
+        The stop of a robot that still brakes may leave less power than that. A rest that was asked for and
+        not sent yet, such as that of an emergency stop, comes after it.
         """
         for index, config in enumerate(self._robots.configs):
             state = self._robots.states[index]
             powered = state.enabled or state.mode is Mode.ARMING
+            policy = stronger(config.stops.on_host_loss, state.policy)
             for name, axes in self.requests.axes_on[index].items():
                 queued = [effect for robot, effect, _ in self.requests.queued[name] if robot == index]
                 rests = [each.value for each in (*queued, *state.pending) if isinstance(each.value, Rest)]
-                for rest in [*([REST_OF[config.stops.on_host_loss]] if powered else []), *rests]:
+                for rest in [*([REST_OF[policy]] if powered else []), *rests]:
                     with suppress(Exception):
                         self._ports[name].rest(axes, rest)
 

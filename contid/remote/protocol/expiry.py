@@ -21,6 +21,8 @@ from contid.remote.protocol.wire import STOP_VERBS, Code, Fields, RemoteError, i
 FIELD = "valid_until_s"
 #: Requests that never expire: they only end something.
 LASTING: Final = frozenset({*STOP_VERBS, "release"})
+#: Greatest time that a request may have [s].
+_LATEST_S: Final = 1e12
 #: Time between two looks at the clock, and the time from which on nothing ran between them [s].
 LOOK_S: Final = 0.1
 STOOD_S: Final = 0.5
@@ -47,8 +49,8 @@ def check_expiry(verb: str, fields: Fields) -> Fields:
     if len(rest) == len(fields) or REQUESTS[verb].stops:
         return rest
     until_s = fields[FIELD]
-    if not is_number(until_s):
-        raise RemoteError(Code.BAD_REQUEST, f"{FIELD}: a number is expected, got {str(until_s)[:40]!r}")
+    if not is_number(until_s) or not abs(until_s) <= _LATEST_S:
+        raise RemoteError(Code.BAD_REQUEST, f"{FIELD}: a time [s] is expected, got {str(until_s)[:40]!r}")
     _valid_until_s.set(until_s)
     if verb != "end":
         _check(verb, until_s)

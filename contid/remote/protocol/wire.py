@@ -11,7 +11,7 @@ import enum
 import json
 import re
 from collections.abc import Mapping
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias, TypeGuard
 
 from contid.errors import ContidError
 
@@ -122,8 +122,8 @@ def decode(line: bytes) -> Fields:
     return fields
 
 
-def is_number(value: object) -> bool:
-    """True for a number of JSON; a bool, an int in Python, is not one."""
+def is_number(value: object) -> TypeGuard[int | float]:
+    """True for a number of JSON; a bool, an int in Python, is none. Some ints are too large for a float."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 

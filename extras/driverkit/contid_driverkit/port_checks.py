@@ -104,7 +104,9 @@ def _axis(axis: str, samples: Sequence[Sample]) -> Finding:
 
 
 def port_name(bus: str, pattern: str, path: str) -> list[Finding]:
-    """Whether the name of a port is that of one adapter; empty for a port that is none of USB.
+    """Whether the name of a port is that of one adapter or socket; empty for a port that is none of USB.
+
+    A link beside the device is taken for that of a udev rule, which its author made for one of them.
 
     Args:
         bus: its name.
@@ -122,6 +124,9 @@ def port_name(bus: str, pattern: str, path: str) -> list[Finding]:
     equal = [port.device for port in ports if (port.vid, port.pid, port.serial_number) == kind]
     if "/by-path/" in pattern:
         return [Finding(subject, True, f"{pattern}, the name of its socket")]
+    link = Path(pattern).expanduser()
+    if link.is_symlink() and Path(real).parent in link.parents and "/by-id/" not in pattern:
+        return [Finding(subject, True, f"{pattern}, the name of a udev rule")]
     if len(equal) > 1:
         message = f"{pattern} is not unique: {', '.join(sorted(equal))} are equal adapters with one name"
         return [Finding(subject, True, message, remedy, warning=True)]

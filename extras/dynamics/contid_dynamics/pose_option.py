@@ -51,10 +51,10 @@ def actuation_at(
         others: names of further robots; ``NAME.AXIS`` of one of them is none of this robot.
 
     Raises:
-        click.UsageError: a part is no number of an axis of the robot, or is outside the limits of that axis.
+        click.UsageError: a part is no number of an axis of the robot, is outside its limits, or repeats it.
     """
     columns = [f"{axis}_{robot.quantity.unit}" for axis in robot.axis_names]
-    actuation = list(robot.rest[: len(columns)])
+    actuation, given = list(robot.rest[: len(columns)]), set[int]()
     for part in at:
         column, _, text = part.partition("=")
         if column.partition(".")[0] in others and column not in columns:
@@ -71,6 +71,9 @@ def actuation_at(
         if own not in columns:
             raise click.UsageError(f"--at {part!r}: no such axis; allowed: {', '.join(columns)}")
         number = columns.index(own)
+        if number in given:
+            raise click.UsageError(f"--at {part!r}: the axis was given before; each axis once")
+        given.add(number)
         low, high = (robot.quantity.from_si(limits[number]) for limits in (robot.lower, robot.upper))
         if not low <= value <= high:
             raise click.UsageError(f"--at {part!r}: outside the limits of the axis, {low:g} to {high:g}")

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -327,6 +328,13 @@ def test_a_frequency_that_shaping_does_not_take_is_not_recommended(tmp_path: Pat
     assert "0.37 Hz" in done.output
     assert "its first mode is not shaped: rates.shape takes 0.5 to 100 Hz" in done.output
     assert "rates with shape" not in done.output
+
+
+def test_an_axis_is_given_once() -> None:
+    (robot,) = load_named("tendon3").driven.values()
+    for second in ("s1.t1_mm=4", "arm.s1.t1_mm=4"):
+        with pytest.raises(click.UsageError, match="given before; each axis once"):
+            actuation_at(robot, "arm", ("s1.t1_mm=3", second))
 
 
 def test_a_robot_with_the_name_of_a_section_has_its_axes() -> None:

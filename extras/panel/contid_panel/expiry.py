@@ -19,6 +19,8 @@ VALID_S: Final = 1.0
 #: The estimate of `static/clock.js` is never ahead. A press up to this far ahead counts as one of now; one
 #: further ahead is refused, because its clock is wrong.
 AHEAD_S: Final = 0.25
+#: Greatest time that a page may send: an integer of JSON may be larger than any float.
+_LATEST_MS: Final = 1e15
 #: Orders to stop: they are carried out at once, whatever else waits, and never expire.
 URGENT: Final = frozenset(STOP_VERBS)
 #: Orders of a page that never expire: these also only end something. They are no requests of the daemon's
@@ -57,9 +59,9 @@ def validity(verb: str, pressed_ms: object) -> float | None:
     """
     if verb in LASTING_ORDERS:
         return None
-    if not is_number(pressed_ms):
-        raise RemoteError(Code.BAD_REQUEST, f"{verb}: pressed_ms is missing")
-    now_s, pressed_s = clock_s(), float(pressed_ms) * 1e-3  # type: ignore[arg-type]
+    if not is_number(pressed_ms) or not abs(pressed_ms) <= _LATEST_MS:
+        raise RemoteError(Code.BAD_REQUEST, f"{verb}: pressed_ms is missing, or is no time")
+    now_s, pressed_s = clock_s(), pressed_ms * 1e-3
     if not now_s - VALID_S <= pressed_s <= now_s + AHEAD_S:
         age = f"{now_s - pressed_s:.1f} s ago" if pressed_s < now_s else "in the future"
         raise RemoteError(Code.EXPIRED, f"{verb} was pressed {age} and is not carried out; press it again")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import itertools
+import logging
 from collections.abc import Coroutine
 from contextlib import suppress
 from typing import Any, Final
@@ -22,6 +23,8 @@ from contid_panel.mailbox import Mailbox
 from contid_panel.page_client import LEASE_TIMEOUT_S, PageClient
 from contid_panel.page_orders import READ_ONLY, PageOrders
 from contid_panel.poses import PanelPoses
+
+log = logging.getLogger(__name__)
 
 #: Orders of one page that wait for their results; stops are not counted.
 MAX_PENDING: Final = 16
@@ -141,7 +144,7 @@ class Page:
             if not self._beating:
                 self._beating = True
                 self._start(self._beat(RequestFields(fields), pressed_ms))
-        elif verb not in URGENT and len(self._pending) >= MAX_PENDING:
+        elif verb not in URGENT and len(self._pending) - len(self._stopping) >= MAX_PENDING:
             self._refuse(number, RemoteError(Code.REFUSED, "too many orders wait for their results"))
         else:
             work = self._carry_out(number, verb, RequestFields(fields), pressed_ms)
@@ -166,6 +169,11 @@ class Page:
             self._refuse(number, error)
         except (ContidError, OSError) as error:
             self._refuse(number, RemoteError("lost", str(error)))
+        except Exception as error:
+            # The page waits for a reply, whatever failed.
+            log.exception("an order %r of page %d failed", verb, self.number)
+            message = f"the panel failed to carry this out ({type(error).__name__}: {error}); see its output"
+            self._refuse(number, RemoteError(Code.INTERNAL, message))
         else:
             self._send("reply", id=number, ok=True, result=result)
             if verb in ("acquire", "release") or verb in URGENT:

@@ -18,6 +18,7 @@ from contid.remote.protocol.wire import (
     RequestFields,
     is_number,
 )
+from contid.trajectory.rows import MAX_NUMBER
 from contid_panel.checks import Checks
 from contid_panel.hub import Hub
 from contid_panel.page_client import LEASE_TIMEOUT_S, PageClient
@@ -53,11 +54,12 @@ class PageOrders:
         # one. One message at a time begins or ends it.
         self._move: tuple[int, tuple[str, ...], int] | None = None
         self._others = 0
+        self._stops = 0  # given by this page
         self._jogging = asyncio.Lock()
         self.orders: dict[str, Order] = {
             **{
                 order.NAME: _to_robots(
-                    client.stop if REQUESTS[order.NAME].stops else client.request,
+                    self._stop if REQUESTS[order.NAME].stops else client.request,
                     getattr(AsyncClient, order.NAME),
                 )
                 for order in (Stop, Hold, ClearFault)
@@ -90,9 +92,14 @@ class PageOrders:
 
         return other
 
+    async def _stop(self, send: Send) -> Fields:
+        """A request to stop; what was ordered before it, and is not sent yet, moves nothing after it."""
+        self._stops += 1
+        return await self._client.stop(send)
+
     async def _estop(self, request: RequestFields) -> Fields:
         """Stop every robot, whatever else the message contains."""
-        return await self._client.stop(lambda client: client.estop())
+        return await self._stop(lambda client: client.estop())
 
     async def _acquire(self, request: RequestFields) -> Fields:
         takeover = request.flag("takeover")
@@ -112,8 +119,9 @@ class PageOrders:
         target = request.mapping("target") or {}
         share = _share(request)
         request.end()
-        if not target or not all(map(is_number, target.values())):
-            raise RemoteError(Code.BAD_REQUEST, "target: columns with numbers are expected, such as x_mm: 40")
+        if not target or not all(is_number(each) and abs(each) <= MAX_NUMBER for each in target.values()):
+            message = f"target: columns with numbers up to {MAX_NUMBER:g} are expected, such as x_mm: 40"
+            raise RemoteError(Code.BAD_REQUEST, message)
         return await self._go(target, share)
 
     async def _home(self, request: RequestFields) -> Fields:
@@ -131,7 +139,8 @@ class PageOrders:
 
         A tip that leads out of reach goes along its edge, as by the keys of a terminal.
         """
-        columns, row, others = request.names("columns"), request.rows("rows"), self._others
+        columns, row = request.names("columns"), request.rows("rows")
+        others, stops = self._others, self._stops
         request.end()
         if not columns or any(name.endswith("t_s") for name in columns):
             raise RemoteError(Code.BAD_REQUEST, "columns: names of columns without t_s are expected")
@@ -139,7 +148,7 @@ class PageOrders:
         async def jog(client: AsyncClient) -> Fields:
             if self._move is None or self._move[1:] != (columns, others):
                 self._move = None
-                await _require_lease(client)
+                await self._check_begin(client, stops)
                 begun = await client.request("move", columns=list(columns), nearest=True)
                 self._move = int(begun["move"]), columns, others
             return await self._rows(client, self._move[0], row)
@@ -173,11 +182,11 @@ class PageOrders:
 
     async def _play(self, request: RequestFields) -> Fields:
         """Play a trajectory that was checked and shown before."""
-        checked = self._checks.get(request.text("check", ""))
+        checked, stops = self._checks.get(request.text("check", "")), self._stops
         request.end()
 
         async def play(client: AsyncClient) -> Fields:
-            await _require_lease(client)
+            await self._check_begin(client, stops)
             return {"refused": await client.stream(checked.columns, checked.rows, wait=False)}
 
         return await self._moving(play)
@@ -190,9 +199,10 @@ class PageOrders:
 
     async def _go(self, target: Mapping[str, float], share: float) -> Fields:
         """Go to a target, slower than the robot file allows where ``share`` is below 1."""
+        stops = self._stops
 
         async def go(client: AsyncClient) -> Fields:
-            await _require_lease(client)
+            await self._check_begin(client, stops)
             if share >= 1.0:
                 return {"move": await client.move(target, wait=False)}
             present, rates = self._hub.present(), self._hub.rates
@@ -224,6 +234,18 @@ class PageOrders:
         end = request.flag("end")
         request.end()
         return await self._client.request(lambda client: client.record(end=end))
+
+    async def _check_begin(self, client: AsyncClient, stops: int) -> None:
+        """Refuse to begin a motion without the lease, or one that this page has stopped meanwhile.
+
+        Args:
+            client: the connection.
+            stops: how many this page had given when the motion was ordered.
+        """
+        await _require_lease(client)
+        if self._stops != stops:
+            message = "this page stopped the robots before the motion began; it is not carried out"
+            raise RemoteError(Code.STOPPED, message)
 
     async def _moving(self, send: Send) -> Fields:
         """A request that moves; a stream does not survive its connection."""

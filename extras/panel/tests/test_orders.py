@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import subprocess
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
+from contid.remote.protocol.wire import Fields, RequestFields
+from contid_panel.page import MAX_PENDING, Page
 from tests.support.daemons import FAR, HERE, Running, command, states
 from tests.support.panels import PanelClient, PanelProcess, page, panel
 from tests.support.waiting import until
@@ -110,6 +116,101 @@ async def test_a_jog_after_another_order_loses_no_row(served: PanelProcess) -> N
         assert (await it.order("jog_end"))["ok"]
         await it.until(lambda page: abs(page.tip_mm()[0] - 46.0) < 0.5)
         beats.cancel()
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5])
+async def test_an_order_before_a_hold_begins_no_motion_after_it(served: PanelProcess, share: float) -> None:
+    """The panel asks the daemon who holds the lease before it sends a motion; the hold comes meanwhile."""
+    column, row = ["f0.x_mm", "f0.y_mm"], list(FAR.values())
+    async with page(served) as it:
+        await it.order("acquire")
+        beats = asyncio.create_task(_alive(it))
+        orders: tuple[tuple[str, dict[str, object]], ...] = (
+            ("goto", {"target": _target(FAR), "share": share}), ("jog", {"columns": column, "rows": [row]}),
+        )  # fmt: skip
+        for verb, fields in orders:
+            await it.until(lambda page: page.state("f0") == "HOLD")
+            before_mm = it.tip_mm()
+            await it.send(verb, **fields)
+            held = await it.order("hold")
+            assert held["ok"]
+            for _ in range(20):  # what began after the hold shows within 0.4 s
+                await it.until(lambda page: page.newest.pop("frame", None) is not None)
+                await it.until(lambda page: "frame" in page.newest)
+                assert it.tip_mm() == pytest.approx(before_mm, abs=0.1), verb
+        # An order that is given after the hold is carried out.
+        assert (await it.order("goto", target=_target(FAR)))["ok"]
+        await it.until(lambda page: page.tip_mm()[0] < 32)
+        beats.cancel()
+
+
+async def test_numbers_too_large_for_a_float_are_refused(served: PanelProcess) -> None:
+    """In JSON an integer may have any length; a page that got no reply would wait for one."""
+    huge = 10**400
+    async with page(served) as it:
+        await it.until(lambda page: page.state("f0") == "HOLD")
+        await it.order("acquire")
+        for verb, fields in (
+            ("goto", {"target": {"f0.x_mm": huge, "f0.y_mm": 75.0}, "share": 0.5}),
+            ("goto", {"target": {"f0.x_mm": huge, "f0.y_mm": 75.0}}),
+            ("goto", {"target": _target(FAR), "pressed_ms": huge}),
+            ("jog", {"columns": ["f0.x_mm", "f0.y_mm"], "rows": [[30.0, 85.0]], "pressed_ms": -huge}),
+            ("beat", {"pressed_ms": huge}),
+        ):
+            async with asyncio.timeout(5.0):
+                number = await it.send(verb, **fields)
+                while verb != "beat":
+                    reply = await it.message()
+                    if reply["kind"] == "reply" and reply["id"] == number:
+                        assert reply["error"]["code"] in ("bad-request", "bad-target", "expired"), reply
+                        break
+
+
+def _unconnected() -> Page:
+    """The panel's side of a page, without a daemon."""
+    return Page(cast(Any, SimpleNamespace(path=Path("none"))), cast(Any, None), cast(Any, None), False)
+
+
+async def test_stops_that_wait_keep_no_other_order_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    it, goes_on = _unconnected(), asyncio.Event()
+
+    async def wait(request: RequestFields) -> Fields:
+        await goes_on.wait()
+        return {}
+
+    async def release(request: RequestFields) -> Fields:
+        return {"released": True}
+
+    monkeypatch.setitem(it._orders, "hold", wait)
+    monkeypatch.setitem(it._orders, "release", release)
+    for number in range(MAX_PENDING):
+        it._take(f'{{"id": {number}, "verb": "hold"}}'.encode(), False)
+    it._take(b'{"id": 99, "verb": "release"}', False)
+    async with asyncio.timeout(5.0):
+        text = await it._mailbox.take()
+        goes_on.set()
+        await asyncio.gather(*it._pending)
+    assert text is not None
+    assert json.loads(text)["result"] == {"released": True}
+
+
+async def test_an_order_that_fails_by_a_defect_is_answered(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    it = _unconnected()
+
+    async def defect(request: RequestFields) -> Fields:
+        raise KeyError("rest")
+
+    monkeypatch.setitem(it._orders, "hold", defect)
+    it._take(b'{"id": 7, "verb": "hold"}', False)
+    async with asyncio.timeout(5.0):
+        text = await it._mailbox.take()
+    assert text is not None
+    reply = json.loads(text)
+    assert (reply["id"], reply["ok"], reply["error"]["code"]) == (7, False, "internal")
+    assert "KeyError: 'rest'" in reply["error"]["message"]
+    assert "page" in caplog.text
 
 
 async def test_pages_that_end_in_the_middle_of_an_order(served: PanelProcess) -> None:

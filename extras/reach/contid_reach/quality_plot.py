@@ -43,7 +43,9 @@ def save_quality_plot(maps: Mapping[str, QualityMap], path: Path, title: str) ->
 
 
 def section(found: QualityMap, across: int, up: int) -> tuple[Array, Array, Array, str]:
-    """Values in the plane through the middle of the reach: coordinates [mm], values, and where it is.
+    """Values in a plane of places: coordinates [mm], values, and where it is.
+
+    The plane is that nearest to the median place; the median itself may be between two planes.
 
     Args:
         found: the map.
@@ -56,7 +58,8 @@ def section(found: QualityMap, across: int, up: int) -> tuple[Array, Array, Arra
     """
     cells: Any = np.round(found.points_m / found.edge_m).astype(int)
     through = 3 - across - up
-    middle = int(np.median(cells[:, through]))
+    planes = np.unique(cells[:, through])
+    middle = int(planes[np.argmin(np.abs(planes - np.median(cells[:, through])))])
     inside = cells[:, through] == middle
     flat, values = cells[inside][:, [across, up]], found.values[inside]
     low, high = flat.min(axis=0), flat.max(axis=0)

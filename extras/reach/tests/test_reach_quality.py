@@ -155,6 +155,15 @@ def test_a_section_has_the_values_of_its_plane() -> None:
     assert values.tolist() == [[0.0, 1.0, 2.0, 3.0], [10.0, 11.0, 12.0, 13.0], [20.0, 21.0, 22.0, 23.0]]
 
 
+def test_a_section_is_through_places_where_the_median_is_between_them() -> None:
+    """An arm of fixed length reaches a shell: of a coarse grid few places, and planes without one."""
+    places_m = np.array([[0.0, -0.02, 0.05], [0.01, -0.02, 0.05], [0.0, 0.02, 0.05], [0.01, 0.02, 0.05]])
+    found = QualityMap(Measure.DEXTERITY, places_m, np.array([0.1, 0.2, 0.3, 0.4]), 0.01, False)
+    x, z, values, where = section(found, 0, 2)
+    assert where == "y = -20 mm"
+    assert (x.tolist(), z.tolist(), values.tolist()) == ([0.0, 10.0], [50.0], [[0.1, 0.2]])
+
+
 @pytest.mark.parametrize(
     ("robot", "measure", "message"),
     [

@@ -92,16 +92,16 @@ def rope_line(rope: ChainGuard, drawings: Mapping[str, RobotDrawing | None]) -> 
 
 
 def plane_grid(plane: PlaneDescription, workspace: Array) -> list[Array]:
-    """Lines of a grid on a plane, below or beside the workspace, each (2, 3) [mm]."""
+    """Lines of a grid on a plane, below or beside the workspace [mm, (n, 3)], each (2, 3) [mm]."""
     normal = np.array(plane.normal) / np.linalg.norm(plane.normal)
     middle = 0.5 * (workspace.min(axis=0) + workspace.max(axis=0))
     middle = middle - normal * float((middle - np.array(plane.point_mm)) @ normal)
-    reach = 0.5 * float(np.ptp(workspace, axis=0).max())
+    reach_mm = 0.5 * float(np.ptp(workspace, axis=0).max())
     across = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
     across /= np.linalg.norm(across)
     up = np.cross(normal, across)
     lines = []
-    for share in np.linspace(-reach, reach, PLANE_CELLS + 1):
-        lines.append(np.array([middle + share * across - reach * up, middle + share * across + reach * up]))
-        lines.append(np.array([middle + share * up - reach * across, middle + share * up + reach * across]))
+    for offset_mm in np.linspace(-reach_mm, reach_mm, PLANE_CELLS + 1):
+        for aside, along in ((offset_mm * across, reach_mm * up), (offset_mm * up, reach_mm * across)):
+            lines.append(np.array([middle + aside - along, middle + aside + along]))
     return lines

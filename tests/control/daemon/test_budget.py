@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +57,14 @@ def test_the_rate_that_fits_leaves_a_fifth_beside_the_wire() -> None:
     # Simulated devices take the processor of the tick.
     assert budget(100.0, 7e-3, 0.0, own=True).refusal()
     assert not budget(100.0, 7e-3, 0.0, own=False).refusal()
+
+
+@pytest.mark.parametrize(("rate_hz", "fits_hz", "named_hz"), [(33.5, 33.9, 33), (9.999, 9.9995, 9.99)])
+def test_a_rate_between_those_that_are_named_fits(rate_hz: float, fits_hz: float, named_hz: float) -> None:
+    found = Budget(rate_hz, {}, frozenset(), (TickCost("hold", {"arm": 0.8 / fits_hz}, {}, 0.0),))
+    assert found.highest_rate_hz == named_hz
+    assert found.refusal() == ""
+    assert replace(found, rate_hz=fits_hz + 1e-3).refusal()
 
 
 def test_a_tick_that_does_not_fit_is_found_and_named(monkeypatch: pytest.MonkeyPatch) -> None:

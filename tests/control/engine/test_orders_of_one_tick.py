@@ -246,6 +246,33 @@ def test_an_emergency_stop_in_the_tick_of_an_internal_error_reaches_the_devices(
     process.close()
 
 
+@pytest.mark.parametrize("faulty", [False, True])
+@pytest.mark.parametrize("on_host_loss", ["hold", "relax"])
+def test_an_internal_error_while_a_robot_brakes_leaves_no_more_power_than_its_stop(
+    faulty: bool, on_host_loss: str
+) -> None:
+    text = fingers(1).replace("on_host_loss: relax", f"on_host_loss: {on_host_loss}")
+    loaded = parse_robot_file(text, "one.yaml")
+    process = VirtualProcess(loaded, 200.0, Seen(), trajectory=circle(loaded, period_s=3.0), attended=True)
+    process.engine.arm()
+
+    while process.tick < AT:
+        process.begin()
+        process.turn()
+    process.engine.obey(msg.Stop(policy=StopPolicy.RELAX), process.tick)
+    if faulty:
+        process.engine.robots.fail(0, Fault.DOES_NOT_FOLLOW, "made by the test", process.tick / 200.0)
+    process.begin()
+    process.turn()
+    (state,) = process.engine.robots.states
+    assert state.enabled, "it brakes"
+    process.engine.exchange.abandon()
+    (bus,) = process.buses.values()
+    assert isinstance(bus, SimBus)
+    assert not [axis for axis, device in bus.devices.items() if device.motion.powered]
+    process.close()
+
+
 def test_a_stop_that_was_overtaken_does_not_act_on_a_robot_armed_again() -> None:
     orders: dict[int, list[msg.Message]] = {
         122: [msg.Stop(policy=StopPolicy.RELAX)],

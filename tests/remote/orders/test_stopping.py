@@ -119,7 +119,8 @@ def test_an_estop_names_the_axes_it_did_not_reach(fault: str, axes: list[str]) -
             done = subprocess.run(
                 command(verb, "--json", "--socket", str(running.socket)), capture_output=True, text=True
             )
-            assert json.loads(done.stdout)["silent"] == {"f0": axes}
+            printed = json.loads(done.stdout)
+            assert (printed["ok"], printed["silent"]) == (False, {"f0": axes})
             assert done.returncode == 4
         assert ("which is lost" in running.end(None)) == (fault == "lost")
 

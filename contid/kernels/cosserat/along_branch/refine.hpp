@@ -5,9 +5,11 @@
 
 namespace contid {
 
+// Most steps of a solve from the last command, from another start, and of a refined answer that is off its target.
 constexpr int kIterations = 60, kRestartIterations = 25, kFinerIterations = 6;
 
-// What most answers do not need is not inlined: it would slow those down.
+// `force`: on the tip [N]; `seed`: the pressures of the last command. What most answers do not need is not inlined: it
+// would slow those down.
 struct Refinement {
   const Rod& rod;
   const Task& task;
@@ -16,7 +18,8 @@ struct Refinement {
   const double* seed;
   const Settings& settings;
 
-  // An answer with twice the elements; false where it was lost and is a pose along the branch.
+  // Solves again with twice the elements. True where the answer is kept; else it is a pose along the branch, next to
+  // the pressures of the one before, or `found` is not stable any more.
   [[gnu::noinline]] bool doubled(Found& found) const {
     const Outcome o = found.outcome;
     const int elements = found.elements *= 2;

@@ -51,6 +51,7 @@ class OperatorLink:
         self._connecting = asyncio.Lock()
         self._closed = False
         self._under_way = 0
+        self._stops = 0
         self._rows = _LiveRows()
 
     async def request(self, verb: str, fields: Fields) -> Fields:
@@ -59,6 +60,7 @@ class OperatorLink:
         if verb not in UNCOUNTED and self._under_way >= MAX_UNDER_WAY:
             return refusal(Code.REFUSED, f"{MAX_UNDER_WAY} requests of this session are under way")
         self._under_way += verb not in UNCOUNTED
+        self._stops += verb in STOPS
         try:
             async with asyncio.timeout(VERB_TIMEOUT_S.get(verb, RESPONSE_TIMEOUT_S)):
                 response = await self._request(verb, fields)
@@ -80,6 +82,7 @@ class OperatorLink:
         self._rows.clear("the session of this operator ended")
 
     async def _request(self, verb: str, fields: Fields) -> Fields:
+        stops = self._stops
         link = await self._connected()
         if verb == "acquire":
             asked_s = fields.get("timeout_s", LEASE_S)
@@ -94,6 +97,8 @@ class OperatorLink:
             lease = (await link.result("status"))["lease"]
             if lease.get("client") != self._number:
                 return refusal(NO_LEASE, "this session does not hold the lease; acquire it first")
+            if self._stops != stops:
+                return refusal(Code.STOPPED, "this session stopped the robots before the order was sent")
         if verb == "rows" and self._rows.is_live(fields):
             return await self._rows.follow(link, fields)
         if verb == "end":
