@@ -54,7 +54,6 @@ PACKAGES: Final = (
         "contid_tendons",
     ),
     *("contid_adapt", "contid_identify", "contid_reach"),
-    *("contid_bringup", "contid_devices", "contid_emulate", "contid_manual", "contid_mocap"),
 )
 #: What functions of contid import when they are called.
 LIBRARIES: Final = (
@@ -69,8 +68,6 @@ LIBRARIES: Final = (
         "mcap.writer",
     ),
     *("zstandard", "lz4.frame", "psutil", "serial", "ruamel.yaml", "uvicorn", "websockets.asyncio.client"),
-    *("contid_camera", "contid_learn.options", "contid_view.options", "rich._emoji_codes"),
-    *("rich._unicode_data.unicode17-0-0", "encodings.ascii", "encodings.cp437"),
 )
 #: The variable with the modules that are imported in place of all these, for a few commands.
 ONLY: Final = "STARTER_IMPORTS"
