@@ -66,8 +66,12 @@ def test_the_straight_arm_is_within_two_cells_of_its_reach() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["hand", "tendon3", "ftdcr_v4", "trirack", "cbha", "stiffflop1", "stiffflop2"]
-)
+    "name",
+    [
+        "hand", "tendon3", "trirack", "stiffflop2",
+        *(pytest.param(each, marks=pytest.mark.campaign) for each in ("ftdcr_v4", "cbha", "stiffflop1")),
+    ],
+)  # fmt: skip
 def test_bounds_contain_rest_the_ends_of_all_axes_and_random_tips(name: str) -> None:
     geometry = PanelGeometry(load_named(name), 200.0)
     described = geometry.describe()["robots"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Final, Literal
 
 import pytest
@@ -10,14 +10,11 @@ import pytest
 pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 pytest.importorskip("axe_playwright_python", reason="pip install 'contid[test]'")
 
-from tests.support.browser import OpenPage, Tab, dim, violations
-from tests.support.daemons import daemon
-from tests.support.panels import PanelProcess, panel
+from tests.support.browser import OpenPage, dim, violations
 
 #: Leases lapse in real time, and the browser shares the cores.
 pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
-SILENT: Final = "faults:\n  - {at_s: 2.0, for_s: 600.0, kind: silent, axis: f0.left}\n"
 #: Schemes and widths [px].
 LOOKS: Final[list[tuple[Literal["light", "dark"], int]]] = [
     ("light", 390), ("dark", 1280), ("light", 1280), ("dark", 390),
@@ -37,12 +34,6 @@ def problems(it: OpenPage, looks: Sequence[tuple[Literal["light", "dark"], int]]
     return found
 
 
-@pytest.fixture(scope="module")
-def faulty() -> Iterator[PanelProcess]:
-    with daemon(2, options=SILENT) as running, panel(running) as served:
-        yield served
-
-
 @pytest.mark.parametrize(
     "looks", [BOTH, pytest.param(LOOKS[2:], marks=pytest.mark.campaign)], ids=["both", "others"]
 )
@@ -58,31 +49,12 @@ def test_a_page_in_control(it: OpenPage) -> None:
     assert problems(it) == []
 
 
-def test_a_page_with_a_fault(tab: Tab, faulty: PanelProcess) -> None:
-    with tab.opened(faulty) as it:
-        it.page.wait_for_selector("#faults:not([hidden])")
-        assert problems(it) == []
-
-
 def test_the_contrast_is_measured(it: OpenPage) -> None:
     """Grey on white is found by both, so that nothing found means something."""
     pale = "(all) => all.forEach((each) => { each.style.color = '#aaa'; })"
     it.page.locator(".meaning").evaluate_all(pale)
     assert any("color-contrast" in text for text in violations(it))
     assert any("holds its position" in text for text in dim(it))
-
-
-def test_a_fault_is_announced_and_leads_to_its_remedy(tab: Tab, faulty: PanelProcess) -> None:
-    with tab.opened(faulty) as it:
-        it.page.set_viewport_size({"width": 390, "height": 600})
-        it.page.wait_for_selector("#faults:not([hidden])")
-        banner = it.page.get_by_role("alert").filter(has_text="f0: fault 102")
-        assert banner.is_visible()
-        it.page.mouse.wheel(0, 5000)
-        banner.get_by_role("link").click()
-        assert it.page.evaluate("document.activeElement.id") == "robot-f0"
-        assert it.page.locator(".fault:not([hidden])").is_visible()
-        assert faulty.token in it.page.evaluate("location.hash")  # a reload needs it
 
 
 def test_a_message_takes_no_press_of_what_it_lies_over(it: OpenPage) -> None:

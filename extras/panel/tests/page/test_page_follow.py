@@ -92,6 +92,8 @@ def test_a_body_beside_its_commands_and_its_bring_up(tab: Tab) -> None:
         _, expected, allowed = row(it, "f0", "left")
         assert float(expected) < -1.0
         assert allowed == "outside ±1 mm"
+        # A page with a fault, in light and dark, on a phone and on a large screen.
+        it.page.wait_for_selector("#faults:not([hidden])")
         found = []
         for scheme, width in (("light", 390), ("dark", 1280)):
             it.page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]

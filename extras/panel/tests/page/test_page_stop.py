@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 
-from tests.support.browser import OpenPage, Tab
+from tests.support.browser import VIEWPORT, OpenPage, Tab
 from tests.support.daemons import Running, as_started, command, daemon, states
 from tests.support.panels import PanelProcess, panel
 from tests.support.waiting import until
@@ -159,8 +159,18 @@ def test_the_alarm_is_seen_on_a_phone(it: OpenPage, served: PanelProcess) -> Non
     it.problems.clear()  # the failed requests
 
 
-def test_a_fault_is_explained_and_cleared(tab: Tab) -> None:
+def test_a_fault_is_announced_explained_and_cleared(tab: Tab) -> None:
     with daemon(options=SILENT) as running, panel(running) as served, tab.opened(served) as it:
+        it.page.set_viewport_size({"width": 390, "height": 600})
+        it.page.wait_for_selector("#faults:not([hidden])")
+        banner = it.page.get_by_role("alert").filter(has_text="f0: fault 102")
+        assert banner.is_visible()
+        it.page.mouse.wheel(0, 5000)
+        banner.get_by_role("link").click()
+        assert it.page.evaluate("document.activeElement.id") == "robot-f0"
+        assert it.page.locator(".fault:not([hidden])").is_visible()
+        assert served.token in it.page.evaluate("location.hash")  # a reload needs it
+        it.page.set_viewport_size(VIEWPORT)
         it.state("f0", "FAULT")
         it.page.wait_for_selector(".fault:not([hidden])")
         text = it.text(".fault")
