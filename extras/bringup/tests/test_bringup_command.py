@@ -48,7 +48,9 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Pat
         yield path, board
 
 
-def test_a_healthy_motor_is_proven_measured_and_written_down(robot: tuple[Path, DueEmulator]) -> None:
+def test_a_healthy_motor_is_proven_and_a_change_of_it_is_named_afterwards(
+    robot: tuple[Path, DueEmulator],
+) -> None:
     path, _ = robot
     before = path.read_text()
     done = CliRunner().invoke(command, [str(path), FIRST, "--yes"])
@@ -65,30 +67,11 @@ def test_a_healthy_motor_is_proven_measured_and_written_down(robot: tuple[Path, 
     page = path.with_name("robot-bringup.html").read_text()
     assert FIRST in page
     assert found.wiring in page
+    _names_changes(path)
 
 
-def test_swapped_cables_are_named_and_the_code_is_4(robot: tuple[Path, DueEmulator]) -> None:
-    path, board = robot
-    for line in ("set 0 encoder_of 1", "set 1 encoder_of 0", "set 2 encoder_reversed 1"):
-        board.command(line)
-    start = float(board.command("get 0").split()[1])
-    done = CliRunner().invoke(command, [str(path), "--yes"])
-    assert done.exit_code == 4, done.output
-    assert f"{FIRST}: crossed-axes: driving it moves the encoder of {SECOND}" in done.output
-    assert f"{SECOND}: crossed-axes: driving it moves the encoder of {FIRST}" in done.output
-    assert "arm.s1.l3: reversed: positive duty counts down" in done.output
-    moved_deg = abs(float(board.command("get 0").split()[1]) - start) / 4776 * 360
-    assert moved_deg < 2.0
-    verdicts = {each.verdict for each in load_robot_file(path).file.bringup.values()}
-    assert verdicts == {"crossed-axes", "reversed"}
-    checked = CliRunner().invoke(check, [str(path)])
-    assert checked.exit_code == 0
-    assert f"bringup {FIRST}: crossed-axes at its last bring-up" in checked.output
-
-
-def test_a_change_of_wiring_or_firmware_is_named_afterwards(robot: tuple[Path, DueEmulator]) -> None:
-    path, _ = robot
-    assert CliRunner().invoke(command, [str(path), FIRST, "--yes"]).exit_code == 0
+def _names_changes(path: Path) -> None:
+    """A change of wiring or firmware after the bring-up of the first motor is named where it is read."""
     assert f"bringup {FIRST}" not in CliRunner().invoke(check, [str(path)]).output
     text = path.read_text()
     path.write_text(text.replace("channel: m0,", "channel: m0, counts_per_rev: 4800,"))
@@ -111,6 +94,25 @@ def test_a_change_of_wiring_or_firmware_is_named_afterwards(robot: tuple[Path, D
     assert load(RunRequest(str(path))).driven["arm"].rates == full.driven["arm"].rates
 
 
+def test_swapped_cables_are_named_and_the_code_is_4(robot: tuple[Path, DueEmulator]) -> None:
+    path, board = robot
+    for line in ("set 0 encoder_of 1", "set 1 encoder_of 0", "set 2 encoder_reversed 1"):
+        board.command(line)
+    start = float(board.command("get 0").split()[1])
+    done = CliRunner().invoke(command, [str(path), "--yes"])
+    assert done.exit_code == 4, done.output
+    assert f"{FIRST}: crossed-axes: driving it moves the encoder of {SECOND}" in done.output
+    assert f"{SECOND}: crossed-axes: driving it moves the encoder of {FIRST}" in done.output
+    assert "arm.s1.l3: reversed: positive duty counts down" in done.output
+    moved_deg = abs(float(board.command("get 0").split()[1]) - start) / 4776 * 360
+    assert moved_deg < 2.0
+    verdicts = {each.verdict for each in load_robot_file(path).file.bringup.values()}
+    assert verdicts == {"crossed-axes", "reversed"}
+    checked = CliRunner().invoke(check, [str(path)])
+    assert checked.exit_code == 0
+    assert f"bringup {FIRST}: crossed-axes at its last bring-up" in checked.output
+
+
 def test_it_asks_before_it_moves_and_names_unknown_axes(robot: tuple[Path, DueEmulator]) -> None:
     path, board = robot
     refused = CliRunner().invoke(command, [str(path)])
@@ -121,16 +123,27 @@ def test_it_asks_before_it_moves_and_names_unknown_axes(robot: tuple[Path, DueEm
     assert "no axis 'arm.none'" in str(unknown.exception)
 
 
+@pytest.fixture(scope="module")
+def found() -> dict[str, MotorResult]:
+    """By axis, what was found of it; a motor takes 8 s."""
+    return {}
+
+
 @pytest.mark.parametrize("end", [DeviceError("board", "no answer"), KeyboardInterrupt()])
 def test_an_end_at_a_later_axis_keeps_what_was_found(
-    robot: tuple[Path, DueEmulator], monkeypatch: pytest.MonkeyPatch, end: BaseException
+    robot: tuple[Path, DueEmulator],
+    monkeypatch: pytest.MonkeyPatch,
+    found: dict[str, MotorResult],
+    end: BaseException,
 ) -> None:
     path, _ = robot
 
     def ends_at_the_second(bus: PulsedBus, axis: str, *rest: Any) -> MotorResult:
         if axis == SECOND:
             raise end
-        return bring_up_motor(bus, axis, *rest)
+        if axis not in found:
+            found[axis] = bring_up_motor(bus, axis, *rest)
+        return found[axis]
 
     monkeypatch.setattr(motor, "bring_up_motor", ends_at_the_second)
     done = CliRunner().invoke(command, [str(path), "--yes"])
@@ -138,14 +151,6 @@ def test_an_end_at_a_later_axis_keeps_what_was_found(
     assert {axis: each.verdict for axis, each in load_robot_file(path).file.bringup.items()} == {FIRST: "ok"}
     page = path.with_name("robot-bringup.html").read_text()
     assert (FIRST in page, SECOND in page) == (True, False)
-
-
-def test_a_dry_run_writes_nothing(robot: tuple[Path, DueEmulator]) -> None:
-    path, _ = robot
-    before = path.read_text()
-    assert CliRunner().invoke(command, [str(path), FIRST, "--yes", "--dry-run"]).exit_code == 0
-    assert path.read_text() == before
-    assert not path.with_name("robot-bringup.html").exists()
 
 
 def _armed(path: Path) -> DueBus:
@@ -174,15 +179,21 @@ def test_a_latched_fault_whose_cause_persists_is_named_and_hides_no_other_axis(
     assert f"{SECOND}: ok" in done.output
 
 
-def test_a_motor_that_its_watchdog_left_holding_is_relaxed_first(robot: tuple[Path, DueEmulator]) -> None:
+def test_a_dry_run_relaxes_a_motor_that_its_watchdog_left_holding_and_writes_nothing(
+    robot: tuple[Path, DueEmulator],
+) -> None:
     path, _ = robot
     path.write_text(
         path.read_text().replace("channel: m0,", "channel: m0, on_watchdog: hold, start_state: brake,")
     )
+    before = path.read_text()
     _armed(path).close()
     time.sleep(0.5)  # longer than the watchdog
     done = CliRunner().invoke(command, [str(path), SECOND, "--yes", "--dry-run"])
     assert done.exit_code == 0, done.output
+    # A dry run writes nothing.
+    assert path.read_text() == before
+    assert not path.with_name("robot-bringup.html").exists()
 
 
 def test_a_file_of_simulated_buses_is_refused_before_anything_is_asked(tmp_path: Path) -> None:
