@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from click.testing import CliRunner
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from scipy.spatial.transform import Rotation
 
 from contid import Robot, Sim
+from contid_sessions.group import command as session
 from contid_view.foxglove_export import quaternion
-from tests.support.command import contid_in
 
 pytestmark = pytest.mark.process
 
@@ -25,10 +26,10 @@ TIP_MM = (60.0, 75.0)
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A hand whose left finger goes to a point; of more ticks than one block."""
+    """A hand whose left finger goes to a point."""
     path = tmp_path_factory.mktemp("exports") / "s.mcap"
     with Sim("hand", record=path) as sim:
-        for _ in range(4500):
+        for _ in range(900):
             sim.step(
                 {"left.x_mm": TIP_MM[0], "left.y_mm": TIP_MM[1], "right.left_mm": 60, "right.right_mm": 61}
             )
@@ -37,9 +38,15 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def exported(file: Path) -> Path:
+    """In this process, where the ticks of the session are more than a block; see `contid_sessions.table`."""
     folder = file.parent
-    done = contid_in(folder, "session", "export", file.name, "--csv", "all.csv", "--foxglove", "fox.mcap")
-    assert done.returncode == 0, done.stderr
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("contid_sessions.table._BLOCK", 800)
+        patch.chdir(folder)
+        done = CliRunner().invoke(
+            session, ["export", file.name, "--csv", "all.csv", "--foxglove", "fox.mcap"]
+        )
+    assert done.exit_code == 0, done.output
     assert done.stdout.split() == ["all.csv", "fox.mcap"]
     return folder
 

@@ -7,10 +7,12 @@ import re
 import signal
 import subprocess
 import sys
+import tempfile
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from functools import cache
 from pathlib import Path
 from typing import IO
 
@@ -93,6 +95,17 @@ def commands(log: Path) -> list[str]:
     return [line.partition(",")[2] for line in log.read_text().splitlines()]
 
 
+@cache
+def logged_alone(rows: str) -> str:
+    """The command log of a run of the hand in virtual time."""
+    with tempfile.TemporaryDirectory() as folder:
+        log, trajectory = Path(folder, "alone.csv"), Path(folder, "circle.csv")
+        trajectory.write_text(rows)
+        done = contid("run", "hand", "--virtual", "--log", str(log), "--trajectory", str(trajectory))
+        assert done.returncode == 0, done.stderr
+        return log.read_text()
+
+
 @pytest.mark.realtime
 @pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
 def test_a_stalled_or_killed_viewer_changes_no_command(
@@ -106,7 +119,7 @@ def test_a_stalled_or_killed_viewer_changes_no_command(
     trajectory.write_text(rows_of("hand"))
     alone, viewed = tmp_path / "alone.csv", tmp_path / "viewed.csv"
     source = ["--trajectory", str(trajectory)]
-    assert contid("run", "hand", "--virtual", "--log", str(alone), *source).returncode == 0
+    alone.write_text(logged_alone(trajectory.read_text()))
     process = started("run", "hand", "--mock", "--log", str(viewed), "--view", str(rrd), *source)
     until(rrd.exists, "a file")
     children_with(process, "contid_view.viewer_process")[0].send_signal(number)
