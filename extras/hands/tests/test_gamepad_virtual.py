@@ -21,7 +21,7 @@ from tests.support.pads import ABS_X, ABS_Y, BTN_TL, Recording, recorded
 from tests.support.robot_configs import config_of
 
 #: CONTID_JOG_INPUTS=100000 is the long form; the tip gets half of it.
-INPUTS = int(os.environ.get("CONTID_JOG_INPUTS", "2000"))
+INPUTS = int(os.environ.get("CONTID_JOG_INPUTS", "1300"))
 RATE_HZ = 200.0
 #: Of the shipped finger: mm/s, mm/s^2, and what the jerk limit adds after a hold at full speed.
 VELOCITY, ACCELERATION = 60.0, 1000.0

@@ -29,7 +29,7 @@ from tests.support.virtual.commands import Commands
 from tests.support.virtual.daemon import VirtualDaemon, in_virtual_time, serving
 
 RATE_HZ: Final = 100.0
-STEPS: Final = int(os.environ.get("CONTID_GARBAGE", "20000"))
+STEPS: Final = int(os.environ.get("CONTID_GARBAGE", "8000"))
 SEED: Final = int(os.environ.get("CONTID_SEED", "1"))
 #: An answer that does not come in time.
 LATE: Final = object()

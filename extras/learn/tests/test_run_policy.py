@@ -61,7 +61,7 @@ def commands(path: Path) -> list[list[float]]:
 @pytest.mark.realtime
 def test_a_policy_brings_the_tip_to_its_goal_and_ends_the_run(tmp_path: Path) -> None:
     written(tmp_path / "p.onnx")
-    goal = ("--policy", "p.onnx", "--goal", "x_mm=30,y_mm=85", "--policy-for", "12", "--log", "log.csv")
+    goal = ("--policy", "p.onnx", "--goal", "x_mm=30,y_mm=85", "--policy-for", "6", "--log", "log.csv")
     done = contid_in(tmp_path, *RUN, *goal)
     assert done.returncode == 130, done.stderr  # as by `contid stop --end`
     assert "actions; held: " in done.stderr

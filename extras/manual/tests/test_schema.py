@@ -21,6 +21,11 @@ from contid_manual.schema_command import command as schema_command
 CONFIGS = Path(__file__).parents[3] / "configs"
 
 
+@pytest.fixture(scope="module")
+def validator() -> Draft202012Validator:
+    return Draft202012Validator(robot_file_schema())
+
+
 def references(schema: Any) -> Iterator[str]:
     if isinstance(schema, dict):
         if isinstance(schema.get("$ref"), str):
@@ -63,13 +68,13 @@ def test_every_key_has_a_description() -> None:
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
-def test_an_editor_finds_nothing_wrong_in_a_shipped_robot_file(path: Path) -> None:
-    validator = Draft202012Validator(robot_file_schema())
+def test_an_editor_finds_nothing_wrong_in_a_shipped_robot_file(
+    path: Path, validator: Draft202012Validator
+) -> None:
     assert [error.message for error in validator.iter_errors(read_document(path.read_text(), "x").data)] == []
 
 
-def test_an_editor_finds_what_is_wrong() -> None:
-    validator = Draft202012Validator(robot_file_schema())
+def test_an_editor_finds_what_is_wrong(validator: Draft202012Validator) -> None:
     data: Any = read_document((CONFIGS / "finger.yaml").read_text(), "x").data
     finger = data["robots"]["finger"]
     for broken in (
