@@ -16,7 +16,7 @@ RATE_HZ = 100
 
 
 def calibrated_arm(factory: pytest.TempPathFactory, name: str) -> Path:
-    """A folder with ``arm.yaml``, and ``empty.mcap`` with 20 rests without load that calibrated it."""
+    """A folder with ``arm.yaml``, and ``empty.mcap`` with 24 rests without load that calibrated it."""
     own = factory.getbasetemp()
     shared = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "calibrated-arm"
     shared.mkdir(exist_ok=True)
@@ -36,9 +36,9 @@ def _calibrate(folder: Path) -> None:
     (folder / "arm.yaml").write_text(
         text.replace("    stop: {on_end", SIM.format(grams=0) + "    stop: {on_end", 1)
     )
-    rests(folder / "many.csv", np.random.default_rng(4).uniform(0.05, 1.2, (20, 6)))
+    rests(folder / "many.csv", np.random.default_rng(4).uniform(0.05, 1.2, (24, 6)))
     contid(folder, "run", "arm.yaml", "--virtual", "--trajectory", "many.csv", "--record", "empty.mcap")
     done = contid(folder, "calibrate", "load", "empty.mcap", "--write", "arm.yaml")
-    assert "20 rests without load" in done.stdout
+    assert "24 rests without load" in done.stdout
     assert "written to arm.yaml" in done.stderr
     (folder / "done").touch()

@@ -99,7 +99,7 @@ def test_a_running_daemon_gets_the_tip_of_a_video(tmp_path):
     scene, rng = Scene.usual(), np.random.default_rng(9)
     video = cv2.VideoWriter(str(tmp_path / "tip.avi"), cv2.VideoWriter.fourcc(*"FFV1"), 25.0, (640, 480))
     frames = [cv2.cvtColor(scene.image(tip, rotation, rng), cv2.COLOR_GRAY2BGR) for _ in range(8)]
-    for k in range(40):
+    for k in range(75):
         video.write(frames[k % len(frames)])
     video.release()
     (tmp_path / "camera.yaml").write_text(setup().camera.text())
@@ -117,6 +117,6 @@ def test_a_running_daemon_gets_the_tip_of_a_video(tmp_path):
             measured = next(seen)["robots"]["f"]["measured_tip_mm"]
         _, output = tracker.communicate(timeout=30)
         assert tracker.returncode == 0, output
-        assert "40 of 40 images measured" in output
+        assert "75 of 75 images measured" in output
         assert measured is not None
         assert np.linalg.norm(np.array(measured[:2]) - 1e3 * tip[:2]) < 0.3

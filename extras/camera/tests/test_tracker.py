@@ -56,18 +56,19 @@ def test_the_tip_is_measured_in_two_lights_while_tags_are_hidden_now_and_then(li
     assert 0.2 < np.median(np.array(off) / np.array(stated)) < 2.0
 
 
+@pytest.mark.campaign
 def test_a_calibrated_camera_measures_as_the_true_one():
     """The board is rendered with the distortion of the lens; nothing of it is given to the calibration."""
     rng, lens = np.random.default_rng(2), Lens()
     studio = Studio(lens, blur_px=0.7, noise=2.0)
     images = []
-    for k in range(12):
+    for k in range(16):
         angles = [180.0 + rng.uniform(-35, 35), rng.uniform(-35, 35), rng.uniform(-20, 20)]
         turn = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()
         at = [0.05 * ((k % 3) - 1), 0.035 * ((k // 3) % 3 - 1), rng.uniform(0.28, 0.36)]
         images.append(studio.image([chessboard(9, 6, 0.016, turn, at)], rng))
     camera, used, cover = calibrated(images, 9, 6, 0.016)
-    assert used >= 11
+    assert used >= 15
     assert cover > 0.7
     assert camera.error_px is not None
     assert camera.error_px < 0.15

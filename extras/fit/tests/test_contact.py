@@ -28,7 +28,8 @@ def residual(missed, velocity=(0.0, 0.0, 0.0)):
     return TipResidual(np.array(missed), np.array(velocity), SLOPES, 1e-4 * np.eye(3), np.eye(3), NO_LOAD)
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.campaign)])
+@pytest.mark.campaign
+@pytest.mark.parametrize("seed", [1, 2])
 def test_a_wall_is_found_and_its_direction(seed):
     found = push(seed)
     assert found is not None
