@@ -8,7 +8,7 @@ from contid.errors import MAX_FINDINGS, BadInputError, Located
 from contid.robot_file.load import configs_folder, parse_robot_file
 from tests.support.command import contid
 
-MANY = 2_000
+MANY = 1_000
 
 
 def findings(text: str) -> tuple[Located, ...]:

@@ -161,7 +161,7 @@ def test_each_goto_ends_once_also_one_that_no_tick_has_seen(
     orders: list[Message], arrived: list[bool]
 ) -> None:
     """Orders of one tick: a client whose goto never ends waits for ever, and so do those after it."""
-    went = run({50: [Hold()], 300: orders}, 900)
+    went = run({50: [Hold()], 150: orders}, 500)
     assert [event["arrived"] for event in events_of(went, "goto")] == arrived
 
 

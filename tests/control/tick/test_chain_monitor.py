@@ -222,7 +222,7 @@ def test_two_arms_ordered_at_once_are_checked_together() -> None:
     assert arrived == [True, True]
 
 
-@pytest.mark.parametrize("order", [msg.Hold, msg.Stop, msg.Estop])
+@pytest.mark.parametrize("order", [msg.Hold, pytest.param(msg.Stop, marks=pytest.mark.campaign), msg.Estop])
 def test_an_order_that_stops_one_arm_holds_the_other(order: type) -> None:
     loaded = chain()
     seen = Collector(loaded)

@@ -21,7 +21,7 @@ from tests.control.engine.streamed import Followed, Run, middle
 
 #: Robots whose axes share limits.
 ROBOTS = ("finger", "trirack", "catheter")
-SECONDS = 3.0
+SECONDS = 2.0
 #: Of the way to and fro, half of it [m].
 SWAY_M = 0.01
 
@@ -33,7 +33,7 @@ class Amid:
         self.run = Run(name)
         self.tip_m = middle(self.run)
         self.run.at_rest_on(self.at(0.0))
-        self.axes = list(self.run.follow([(k / 100.0, self.at(k / 100.0)) for k in range(300)], 2.1).axes)
+        self.axes = list(self.run.follow([(k / 100.0, self.at(k / 100.0)) for k in range(300)], 1.3).axes)
         self.modes: list[Mode] = []
         self.states: list[RobotState] = []
         assert np.abs(np.diff(self.axes[-2:], axis=0)).max() > 0.0
