@@ -31,7 +31,7 @@ from tests.support.plugins import starter
 ROOT: Final = Path(__file__).parents[3]
 CLIENT: Final = Path(__file__).parent / "worker_client.py"
 #: What is imported in workers only: it imports libraries that start threads, which a fork would not have.
-IMPORTED_LATE: Final = ("extras/view/tests", "extras/sessions/tests/test_exports.py")
+IMPORTED_LATE: Final = ("extras/view/tests/", "extras/sessions/tests/test_exports.py")
 #: While it imports: BLAS would start threads as well.
 ONE_THREAD: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
 #: Workers that have not ended this long after the command did are killed [s].
@@ -87,6 +87,13 @@ def pytest_xdist_setupnodes(config: pytest.Config, specs: Sequence[Any]) -> None
         spec.python = shlex.join([sys.executable, "-I", "-S", str(CLIENT), str(origin.path)])
 
 
+class _NotImported(pytest.File):
+    """A module that workers import themselves."""
+
+    def collect(self) -> list[pytest.Item]:
+        return []
+
+
 class _OnlyModules:
     """A plug-in that imports the modules of tests and makes no test of them."""
 
@@ -99,8 +106,9 @@ class _OnlyModules:
         self._patch.setattr("pytest_rerunfailures.HAS_PYTEST_HANDLECRASHITEM", False)
 
     @pytest.hookimpl(tryfirst=True)
-    def pytest_ignore_collect(self, collection_path: Path) -> bool | None:
-        return True if str(collection_path).removeprefix(f"{ROOT}/") in IMPORTED_LATE else None
+    def pytest_pycollect_makemodule(self, module_path: Path, parent: pytest.Collector) -> pytest.File | None:
+        late = str(module_path).removeprefix(f"{ROOT}/").startswith(IMPORTED_LATE)
+        return _NotImported.from_parent(parent, path=module_path) if late else None
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_pycollect_makeitem(self) -> list[pytest.Item]:
