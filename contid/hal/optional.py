@@ -104,7 +104,7 @@ class DeviceRate:
         acceleration: the greatest acceleration of demands that it follows [rad/s^2 or Pa/s^2].
         acceleration_key: key of the axis that sets that.
         reach: the greatest angle to either side that it can be sent to [rad].
-        step: the least angle that its encoder tells apart [rad].
+        step: one step of its encoder [rad].
     """
 
     key: str

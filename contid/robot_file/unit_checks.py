@@ -99,7 +99,7 @@ def check_device_rates(
 def _check_turns(
     document: Document, at: KeyPath, axis: AxisDescription, device: DeviceRate, ends: tuple[float, float]
 ) -> Iterator[Located]:
-    """Check that a device turns as far as the limits of its axis ask, and tells them apart."""
+    """Check that a device turns as far as the limits of its axis, and that they are many of its steps."""
     gain = math.tau * MM_PER_M / axis.mm_per_rev if axis.mm_per_rev else 1.0
     zero, most = axis.zero_deg, device.reach / DEG
     farthest = max((zero + axis.direction * end * gain / DEG for end in ends), key=abs)

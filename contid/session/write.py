@@ -187,7 +187,7 @@ class SessionWriter:
         self.close()
 
     def _require_kept(self) -> None:
-        """Refuse to write what nobody will read: a file without a name is gone when it is closed."""
+        """Refuse to go on when the file was deleted: without a name it is gone when it is closed."""
         if os.fstat(self._file).st_nlink < self.status.st_nlink:
             raise RecordingStoppedError(f"{self.path}: recording stopped: the file was deleted")
 
