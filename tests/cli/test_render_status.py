@@ -43,7 +43,7 @@ def test_robots_with_a_fault_are_above_the_others() -> None:
 
 
 @pytest.mark.process
-def test_a_watch_in_json_says_on_stderr_that_there_is_no_daemon(tmp_path: Path) -> None:
+def test_a_watch_in_json_reports_on_stderr_that_there_is_no_daemon(tmp_path: Path) -> None:
     watch = subprocess.Popen(
         [
             sys.executable,

@@ -148,7 +148,7 @@ def _shown(value: float | None, how: str) -> str:
 def watch_status(socket: str | None, rate_hz: float, as_json: bool) -> None:
     """Show the status until Ctrl-C, one below the other where stdout is no terminal.
 
-    A daemon that ended is searched again; with ``as_json`` stderr says so once.
+    A daemon that ended is searched again; with ``as_json`` stderr has the error, once.
     """
     console, missing = Console(), ""
     with Live(console=console, auto_refresh=False, screen=False) as live:

@@ -94,8 +94,8 @@ inline AxisCommand chased(const Axis& axis, double last, double last_step, doubl
 }
 
 // The next command of an axis from its last command and step, its target and how far that moves per tick. A target that
-// no limit forbids is commanded itself, bit for bit, without flags; so is a step that brakes towards one, which no limit
-// cuts. Outside its limits an axis goes inwards only with its target.
+// no limit forbids is commanded itself, bit for bit, without flags; so is a step that brakes towards one, which no
+// limit cuts. Outside its limits an axis goes inwards only with its target.
 inline AxisCommand limit_axis(const Axis& limits, double last, double last_step, double target, double target_step) {
   const Axis axis = limits.lower <= last && last <= limits.upper ? limits : widened(limits, last);
   const double step = target - last, slack = axis.change * kSlack;
