@@ -13,7 +13,7 @@ from contid_fleet.links.operator_link import OperatorLink
 
 
 class SlowDaemon:
-    """Answers `status` when it is told to, and everything else at once."""
+    """Answers `status` once `answers` is set, and everything else at once."""
 
     open = True
 
