@@ -20,7 +20,6 @@ imported_by = os.getpid()
 
 def test_it() -> None:
     assert os.getppid() == imported_by
-    assert "OPENBLAS_NUM_THREADS" not in os.environ
     assert sys.modules["__main__"].__spec__ is None
     numbers = [1, 2]
     assert numbers == [1, 3]
@@ -47,3 +46,20 @@ def test_workers_have_what_was_imported_once_and_report_what_cannot_be(tmp_path:
     assert "No module named 'none_such'" in done.stdout
     assert "could not import 'none'" in done.stdout
     assert "1 failed, 1 skipped, 1 error" in done.stdout
+
+
+@pytest.mark.process
+@pytest.mark.slow
+def test_workers_import_tests_themselves_where_a_fork_would_lack_a_thread(tmp_path: Path) -> None:
+    file = tmp_path / "test_threads.py"
+    start = "threading.Thread(target=time.sleep, args=(60.0,), daemon=True).start()"
+    file.write_text(f"import threading\nimport time\n\n{start}\n\n\ndef test_it() -> None:\n    pass\n")
+    done = subprocess.run(
+        [
+            sys.executable, "-m", "pytest", "-n", "2", "-q", "-p", "no:cacheprovider", "-k", "test_it",
+            str(file), "tests/test_order.py",
+        ],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert "importing the tests starts threads" in done.stderr
+    assert "1 passed" in done.stdout

@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -37,10 +36,6 @@ _REMEDIES: Final = {
     "expected <block end>": "; indent this line as its neighbours, by spaces",
     "mapping values are not allowed": "; quote a value that has a colon, and check the indentation",
 }
-#: libyaml, which is not everywhere, reads a robot file in 1 ms instead of 13. What it takes otherwise than
-#: PyYAML is left to that: tabs, question marks, block scalars, nothing behind a colon in braces.
-_COMPILED: Final = getattr(yaml, "CBaseLoader", None)
-_LEFT_TO_PYYAML: Final = re.compile(r"[^\n -~]|[?|>]|:\s*[],}]")
 #: Not printable, and allowed: tab, line feed, joiners of scripts and emoji.
 _ALLOWED: Final = "\t\n\u200c\u200d"
 
@@ -152,12 +147,6 @@ def read_document(text: str, file: str) -> Document:
         raise BadInputError([Located(file, 1, 1, message)])
     if found := list(islice(_invisible(text, file), MAX_INVISIBLE)):
         raise BadInputError(found)
-    if _COMPILED is not None and _LEFT_TO_PYYAML.search(text) is None:
-        reader = _Reader(Document(file))
-        with suppress(yaml.YAMLError, BadInputError):  # the parser below names what is wrong, and where
-            reader.read(iter(yaml.parse(text, Loader=_COMPILED)))
-            if isinstance(reader.document.data, dict) and not reader.findings:
-                return reader.document
     reader = _Reader(Document(file))
     try:
         reader.read(iter(yaml.parse(text, Loader=yaml.BaseLoader)))
@@ -344,7 +333,7 @@ def _place(event: yaml.Event) -> tuple[int, int]:
 def _scalar(event: yaml.ScalarEvent) -> Data:
     """Value of a scalar by the YAML 1.2 core schema; quoted scalars are always text."""
     text = event.value
-    if event.style:  # plain: None, or "" of the compiled parser
+    if event.style is not None:
         return str(text)
     if text in _CONSTANTS:
         return _CONSTANTS[text]

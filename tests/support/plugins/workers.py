@@ -32,8 +32,8 @@ ROOT: Final = Path(__file__).parents[3]
 CLIENT: Final = Path(__file__).parent / "worker_client.py"
 #: What is imported in workers only: it imports libraries that start threads, which a fork would not have.
 IMPORTED_LATE: Final = ("extras/view/tests/", "extras/sessions/tests/test_exports.py")
-#: While it imports: BLAS would start threads as well.
-ONE_THREAD: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
+#: What it sends when it has imported the tests.
+READY: Final = b"r"
 #: Workers that have not ended this long after the command did are killed [s].
 END_S: Final = 10.0
 _ORIGIN: Final = pytest.StashKey["Origin"]()
@@ -58,6 +58,10 @@ class Origin:
                 stdout=subprocess.DEVNULL,
             )
 
+    def ready(self) -> bool:
+        """Wait until it has imported the tests; False when it ended instead, and has printed why."""
+        return self._control.recv(1) == READY
+
     def spent_s(self) -> float:
         """Processor time of the process itself; workers count for themselves."""
         fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
@@ -81,8 +85,11 @@ def pytest_xdist_setupnodes(config: pytest.Config, specs: Sequence[Any]) -> None
     """Workers on this machine are forks."""
     if len(specs) < 2 or any(not spec.popen or spec.python for spec in specs):
         return
-    origin = config.stash[_ORIGIN] = Origin(config.invocation_params.args)
+    origin = Origin(config.invocation_params.args)
     config.add_cleanup(origin.close)
+    if not origin.ready():  # workers are started as always, and each imports the tests
+        return
+    config.stash[_ORIGIN] = origin
     for spec in specs:
         spec.python = shlex.join([sys.executable, "-I", "-S", str(CLIENT), str(origin.path)])
 
@@ -181,15 +188,14 @@ def main() -> None:
     """Import, then fork."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     numbers, arguments = [int(each) for each in sys.argv[1:3]], sys.argv[3:]
-    added = [key for key in ONE_THREAD if key not in os.environ]
-    os.environ.update(dict.fromkeys(added, "1"))
     _import_tests(arguments)
-    for key in added:
-        del os.environ[key]
     threads = [(path / "comm").read_text().strip() for path in Path("/proc/self/task").iterdir()]
     if len(threads) > 1:
-        sys.exit(f"{__file__}: importing the tests starts threads ({', '.join(threads)}); see IMPORTED_LATE")
+        named = ", ".join(threads)
+        print(f"importing the tests starts threads ({named}): each worker imports them", file=sys.stderr)
+        sys.exit(1)
     control, listening = (socket.socket(fileno=number) for number in numbers)
+    control.send(READY)
     _serve(control, listening)
     os._exit(0)  # modules that are never taken apart have nothing to report
 
