@@ -192,9 +192,10 @@ def test_an_interrupt_while_the_recording_is_compacted_keeps_the_report(
     until(enabled(tmp_path), "armed")
     family = psutil.Process(process.pid).children()
     (recorder,) = [each for each in family if "contid.session.mcap_recorder" in each.cmdline()]
+    (control,) = [each for each in family if "contid.control.process" in each.cmdline()]
     recorder.suspend()
     try:
-        until(lambda: journal(tmp_path)[-1]["event"] == "close", "the robot rests")
+        until(lambda: not psutil.pid_exists(control.pid), "the run has ended")
         for _ in range(10):  # ignored until the run waits for nothing but the recorder
             process.send_signal(signal.SIGINT)
             with suppress(subprocess.TimeoutExpired):
