@@ -268,6 +268,7 @@ class Daemon:
             self._child.flush()
             self._feed.fetch()
             if self._child.reader is not None:
+                self._child.reader.note_look()
                 self._notifier.ticked(self._child.reader.written, loop.time())
                 if self._stands_still(self._child.reader, loop.time()):
                     break

@@ -71,7 +71,7 @@ class ReportBuilder:
                 self._closed = True
                 report.ending, report.exit_code = event.message, event.exit_code
             case StopBegan(reason="on_host_loss") if not self._interrupted:
-                self.broken("the control process was ended by SIGTERM, but not by this daemon")
+                self.broken("robots stopped: the control process got SIGTERM, or the daemon stood still")
             case RobotReported():
                 report.robots[event.robot] = event.report
             case BusReported():

@@ -2,8 +2,8 @@
 
 The daemon starts it as ``python -m contid.control.process FD PID`` with the read end of the pipe and its own
 process id. It waits for a `RunSetup`, opens the buses and runs a cycle at every deadline of
-`contid.control.process.pace`. When the pipe closes or the parent's death is signalled, every robot stops by
-its ``on_host_loss`` policy.
+`contid.control.process.pace`. When the pipe closes, the parent's death is signalled, or the daemon stands
+still, so that no stop would get through, every robot stops by its ``on_host_loss`` policy.
 """
 
 from __future__ import annotations
@@ -46,6 +46,8 @@ LOGS_PER_TICK: Final = 8
 
 log = logging.getLogger(__name__)
 
+#: Ticks for this time without a look of the daemon at the ring: it stands still [s]. It looks every 20 ms.
+STANDS_S: Final = 3.0
 #: Longest stop after the daemon is gone.
 ORPHAN_STOP_S: Final = 2.0
 #: Ticks between two samples of what the robots cost; no divisor of usual distances of rows.
@@ -61,7 +63,7 @@ class DaemonGoneError(BaseException):
 
 
 class ParentWatch:
-    """Detects the end of the daemon by its pipe and by the parent-death signal.
+    """Detects the end of the daemon by its pipe and by the parent-death signal, and one that stands still.
 
     Attributes:
         opens: buses are opened, and nothing is armed. Before, `parent_gone` is looked at; later the engine
@@ -71,12 +73,20 @@ class ParentWatch:
     def __init__(self, inbox: Inbox) -> None:
         self.opens = False
         self._inbox = inbox
-        self._signalled = False
+        self._signalled = self._stands = False
+        self._looks = self._ticks = 0
 
     @property
     def parent_gone(self) -> bool:
-        """True when the daemon is gone."""
-        return self._signalled or self._inbox.closed
+        """True when the daemon is gone, or stood still for too long."""
+        return self._signalled or self._inbox.closed or self._stands
+
+    def count(self, looks: int, rate_hz: float) -> None:
+        """Count a tick with the number of the daemon's looks; a machine that stands still makes no ticks."""
+        self._looks, self._ticks = looks, self._ticks + 1 if looks == self._looks else 0
+        if self._ticks > STANDS_S * rate_hz and not self._stands:
+            self._stands = True
+            log.error("the daemon stood still for %g s: no stop would get through, robots stop", STANDS_S)
 
     def signalled(self, _signal: int, _frame: FrameType | None) -> None:
         """Handler of the parent-death signal."""
@@ -151,6 +161,7 @@ class ControlProcess:
                 engine.obey(measured, timing.tick)
             if (go := planned.due(timing.deadline_s, start_s)) is not None:
                 engine.obey(go, timing.tick)
+            self._parent_watch.count(self._ring.looks, self._setup.rate_hz)
             if self._parent_watch.parent_gone and stop_by_s == math.inf:
                 stop_by_s = start_s + ORPHAN_STOP_S
                 engine.obey(Finish(None, "on_host_loss"), timing.tick)

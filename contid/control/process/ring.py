@@ -33,8 +33,9 @@ MAGIC: Final = b"contidR8"
 HEAD: Final = struct.Struct("=8sQQQQQ")  # magic, bytes of JSON, tick slots, bytes per tick, event slots
 HEAD_BYTES: Final = 128
 #: Places of the closed flag, of the two sequence numbers, of the flag of a request to devices that is
-#: under way, and of the number of the robot whose model computes (from 1), in integers of 8 bytes.
-CLOSED, TICKS, EVENTS, PREPARING, ROBOT = 5, 6, 7, 8, 9
+#: under way, of the number of the robot whose model computes (from 1), and of the count of the looks of the
+#: daemon, in integers of 8 bytes.
+CLOSED, TICKS, EVENTS, PREPARING, ROBOT, LOOKS = 5, 6, 7, 8, 9, 10
 #: Size of an event slot, and number of them.
 EVENT_BYTES: Final = 2048
 EVENT_SLOTS: Final = 1024

@@ -17,6 +17,7 @@ from contid.control.process.ring import (
     EVENT_BYTES,
     EVENTS,
     F64,
+    LOOKS,
     PART,
     PREPARING,
     ROBOT,
@@ -66,6 +67,10 @@ class RingReader(MappedRing):
     def finished(self) -> bool:
         """True when the writer has finished; its records can still be read."""
         return bool(self._numbers[CLOSED])
+
+    def note_look(self) -> None:
+        """Count a look of the daemon, which is no other reader, for the control process."""
+        self._numbers[LOOKS] += 1
 
     @property
     def preparing(self) -> bool:

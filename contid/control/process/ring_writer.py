@@ -16,6 +16,7 @@ from contid.control.process.ring import (
     EVENT_BYTES,
     EVENT_PARTS,
     EVENTS,
+    LOOKS,
     PART,
     PREPARING,
     ROBOT,
@@ -77,6 +78,11 @@ class RingWriter(MappedRing):
         STAMP.pack_into(self._map, at, 0, crc32(contents, number & 0xFFFFFFFF))
         self._map[at + STAMP.size : at + STAMP.size + len(contents)] = contents
         U64.pack_into(self._map, at, number)
+
+    @property
+    def looks(self) -> int:
+        """How often the daemon has looked at the ring."""
+        return self._numbers[LOOKS]
 
     def mark_preparing(self, begins: bool) -> None:
         """Mark that a request to devices begins, which may take longer than a tick, or is over."""

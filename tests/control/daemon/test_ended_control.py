@@ -7,14 +7,17 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
 from contid.control.daemon.report_builder import ReportBuilder
 from contid.control.engine.events.run import RunFailed, StopBegan
+from contid.control.process.control_process import STANDS_S, ParentWatch
+from contid.control.process.pipe import Inbox
 from tests.control.daemon.ended_control import LIBRARY, at_start, control_of, ended
-from tests.support.daemons import armed
+from tests.support.daemons import HERE, armed, states
 from tests.support.daemons import fast_daemon as daemon
 from tests.support.waiting import until
 
@@ -27,7 +30,47 @@ def test_a_signal_to_the_control_process_is_no_end_of_the_input() -> None:
         os.kill(control_of(running), signal.SIGTERM)
         code, ending, _ = ended(running)
         assert code == 3
-        assert "the control process was ended by SIGTERM, but not by this daemon" in ending
+        assert ending == "robots stopped: the control process got SIGTERM, or the daemon stood still"
+
+
+def test_robots_of_a_daemon_that_stands_still_stop_and_a_short_pause_is_none() -> None:
+    """A stop by a client or Ctrl-C would not get through."""
+
+    def is_dead(process: int) -> bool:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+
+    with daemon() as running, running.client() as client:
+        armed(client)
+        control = control_of(running)
+        running.process.send_signal(signal.SIGSTOP)
+        time.sleep(0.5 * STANDS_S)
+        running.process.send_signal(signal.SIGCONT)
+        until(lambda: states(client) == {"HOLD"}, "it goes on")
+        client.move(HERE, wait=False)
+        began_s = time.monotonic()
+        running.process.send_signal(signal.SIGSTOP)
+        until(lambda: is_dead(control), "the robots are at rest, and the control process has ended")
+        took_s = time.monotonic() - began_s
+        running.process.send_signal(signal.SIGCONT)
+        code, ending, messages = ended(running)
+    assert took_s > STANDS_S
+    assert (code, ending.partition(":")[0]) == (3, "robots stopped")
+    assert "the daemon stood still for 3 s: no stop would get through, robots stop" in messages
+
+
+def test_only_ticks_in_which_the_daemon_does_not_look_count() -> None:
+    reading, writing = os.pipe()
+    watch = ParentWatch(Inbox(reading))
+    for tick in range(2000):
+        watch.count(tick // 500, 200.0)
+    assert not watch.parent_gone
+    for _ in range(101):
+        watch.count(3, 200.0)
+    assert not watch.parent_gone, "600 ticks after the one with the last look are 3 s"
+    watch.count(3, 200.0)
+    assert watch.parent_gone
+    os.close(reading)
+    os.close(writing)
 
 
 @pytest.mark.parametrize("status", [0, 7])
