@@ -50,6 +50,7 @@ def test_workers_have_what_was_imported_once_and_report_what_cannot_be(tmp_path:
 
 @pytest.mark.process
 @pytest.mark.slow
+@pytest.mark.campaign
 def test_workers_import_tests_themselves_where_a_fork_would_lack_a_thread(tmp_path: Path) -> None:
     file = tmp_path / "test_threads.py"
     start = "threading.Thread(target=time.sleep, args=(60.0,), daemon=True).start()"

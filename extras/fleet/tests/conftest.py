@@ -9,7 +9,7 @@ from importlib.util import find_spec
 
 import pytest
 
-from tests.support.daemons import armed
+from tests.support.daemons import armed, as_started
 from tests.support.fleets import Fleet, fleet
 from tests.support.waiting import until
 
@@ -60,3 +60,14 @@ def lab() -> Iterator[Fleet]:
             with each.client() as client:
                 armed(client)
         yield started
+
+
+@pytest.fixture(autouse=True)
+def nothing_stopped_before(request: pytest.FixtureRequest) -> None:
+    """A test that failed leaves robots stopped: neither its second try nor the next test begins so."""
+    lab = request.getfixturevalue("lab") if "lab" in request.fixturenames else None
+    for each in lab.daemons.values() if isinstance(lab, Fleet) else ():
+        with each.client() as client:
+            stopped = "stopped_by" in client.status()["lease"]
+        if stopped:
+            as_started(each)

@@ -16,10 +16,12 @@ import pytest
 
 ROOT: Final = Path(__file__).parents[3]
 #: Files that took 13 s and more by the clock of a run with four workers on two cores, the longest first.
-#: Those of `SHARING` are one; the contract, whose devices keep real deadlines, waits until all have started.
+#: Those of `SHARING` are one; mypy (`test_quality.py`) has no cache in a new clone; the contract, whose
+#: devices keep real deadlines, waits until all have started.
 LONGEST: Final = (
-    "extras/panel/tests/page/test_page_moves.py", "extras/fleet/tests/test_client.py",
-    "extras/bringup/tests/test_bringup_command.py", "extras/panel/tests/test_security.py",
+    "extras/panel/tests/page/test_page_moves.py", "tests/test_quality.py",
+    "extras/fleet/tests/test_client.py", "extras/bringup/tests/test_bringup_command.py",
+    "extras/panel/tests/test_security.py",
     "tests/contract/test_contract.py", "extras/view/tests/test_viewer_process.py",
     "tests/wire/dynamixel/test_bench_tools.py", "extras/fleet/tests/test_namespaces.py",
     "extras/test_missing_packages.py", "tests/wire/dynamixel/test_adapters.py", "tests/sense/test_squeeze.py",
