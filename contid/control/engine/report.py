@@ -197,6 +197,13 @@ def _off_target(tally: RobotTally, allowed_m: float) -> str:
     )
 
 
+#: Of a control process that was killed.
+LAST_TICK: Final = (
+    "the states of the robots are those of their last tick: devices stop by their own watchdogs, and servos "
+    "may keep their torque"
+)
+
+
 def complete_from_records(
     report: RunReport, layout: RecordLayout, written: int, records: Sequence[TickRecord]
 ) -> None:
@@ -213,6 +220,8 @@ def complete_from_records(
             if robot.tip_error_m == robot.tip_error_m:
                 tally.add(robot.tip_error_m, bool(robot.flags & CONVERGED), robot.residual_m)
     last = records[-1]
+    if any(Mode(robot.mode) is not Mode.OFF for robot in last.robots):
+        report.problems.append(LAST_TICK)
     report.ticks, report.skipped, report.lateness = written, last.skipped, lateness.as_dict()
     for name, robot, tally in zip(layout.robots, last.robots, tallies, strict=True):
         fault = Fault(robot.fault)

@@ -14,6 +14,7 @@ import pytest
 
 from contid.control.daemon.report_builder import ReportBuilder
 from contid.control.engine.events.run import RunFailed, StopBegan
+from contid.control.engine.report import LAST_TICK
 from contid.control.process.control_process import STANDS_S, ParentWatch
 from contid.control.process.pipe import Inbox
 from tests.control.daemon.ended_control import LIBRARY, at_start, control_of, ended
@@ -71,6 +72,17 @@ def test_only_ticks_in_which_the_daemon_does_not_look_count() -> None:
     assert watch.parent_gone
     os.close(reading)
     os.close(writing)
+
+
+def test_states_after_a_kill_are_those_of_the_last_tick() -> None:
+    with daemon() as running, running.client() as client:
+        armed(client)
+        os.kill(control_of(running), signal.SIGKILL)
+        out, _ = running.process.communicate(timeout=30)
+    report = json.loads(out)
+    assert running.process.returncode == 3
+    assert report["robots"]["f0"]["mode"] == "HOLD"
+    assert report["problems"] == [LAST_TICK]
 
 
 @pytest.mark.parametrize("status", [0, 7])
