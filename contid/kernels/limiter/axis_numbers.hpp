@@ -12,6 +12,6 @@ struct Moving {
 };
 
 // Values below this share of the velocity limit are rounding, and rates are parallel within this share of their limits.
-constexpr double kNone = 1e-9, kParallel = 1e-9;
+constexpr double kNegligible = 1e-9, kParallel = 1e-9;
 
 }  // namespace contid

@@ -28,7 +28,7 @@ inline JointStop joint_stop(const Moving& at, const std::vector<double>& velocit
   // In units of the greatest velocities.
   AxisNumbers v = {}, a = {}, most = {}, jolts = {};
   int lead = 0;  // the fastest axis
-  const auto rounded = [](double value) { return std::fabs(value) < kNone ? 0.0 : value; };
+  const auto rounded = [](double value) { return std::fabs(value) < kNegligible ? 0.0 : value; };
   for (int k = 0; k < axes; ++k) {
     v[k] = rounded(at.velocity[k] / velocity[k]), a[k] = rounded(at.acceleration[k] / velocity[k]);
     most[k] = acceleration[k] / velocity[k], jolts[k] = kJerkShare * (jerk[k] / velocity[k]);

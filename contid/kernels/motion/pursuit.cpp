@@ -14,7 +14,8 @@ constexpr double kFrameShare = 0.95;
 // Shares of the jerk limit, tried in turn: ruckig 0.19 finds no profile exactly at the border of two kinds.
 constexpr double kJerks[] = {1.0 - 1e-6, 1.0 - 1e-4, 1.0 - 1e-2};
 
-double rounded(double value) { return std::fabs(value) < kNone ? 0.0 : value; }
+// What is below the resolution of a motion counts as none: the solver would take it for a way of its own.
+double rounded(double value) { return std::fabs(value) < kNegligible ? 0.0 : value; }
 
 // By how much each axis moves when that with the longest way moves by 1; false where rates lead aside. `way`: where
 // each axis has to go, or the velocity that it has to lose; `most`: greatest acceleration.
@@ -51,7 +52,7 @@ bool planned(const double* gaps, const Moving& state, const Frame& frame, const 
     start[k] = gaps[k] / scale[k];
     const double v = all.velocity[k] = rounded((state.velocity[k] - frame.velocity[k]) / scale[k]);
     const double a = all.acceleration[k] = rounded(state.acceleration[k] / scale[k]);
-    // A distance that is rounded in motion is a step.
+    // `start` is not rounded: the line leads from where the axis is. A distance that is rounded in motion is a step.
     all.position[k] = lines == Lines::kExact && (v != 0.0 || a != 0.0) ? start[k] : rounded(start[k]);
     all.top[k] = 1.0 - frame.velocity[k] / scale[k], all.low[k] = -1.0 - frame.velocity[k] / scale[k];
     all.most[k] = rates.acceleration[k] / scale[k], all.jerk[k] = rates.jerk[k] / scale[k];

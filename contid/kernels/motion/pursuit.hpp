@@ -18,7 +18,7 @@
 namespace contid {
 
 // Straight lines of axes whose present rates allow them, by versions of the rules of motions. kRounded leads past the
-// goal of an axis whose distance to it is rounded to zero, by at most what its greatest velocity makes in kNone
+// goal of an axis whose distance to it is rounded to zero, by at most what its greatest velocity makes in kNegligible
 // seconds. To a goal on a limit that axes share such a line led 3e-12 m beyond the limit. kExact leads to the goal, and
 // rounds no distance of an axis in motion to zero, which was a step of up to 2e-4 Pa.
 enum class Lines { kNone = 0, kRounded = 1, kExact = 2 };

@@ -21,8 +21,8 @@ pytestmark = [pytest.mark.process, pytest.mark.realtime]
 
 TARGET = {f"f0.{name}": value for name, value in FAR.items()}
 ROW = {"columns": ["f0.x_mm", "f0.y_mm"], "rows": [list(FAR.values())]}
-#: Longer than an order is valid, shorter and longer than a lease.
-PAUSES_S = [1.25, 4.0]
+#: Longer than an order is valid, shorter and longer than a lease; after 3 s the robots of a daemon stop.
+PAUSES_S = [1.25, 2.5]
 
 
 @asynccontextmanager
