@@ -61,9 +61,14 @@ export class PosesCard {
     const name = this.name.value;
     const replace = this.names.has(name);
     if (replace && !(await confirmed(`There is a pose ${name} already. It is replaced by where the robots are now.`, "Replace"))) return;
+    // Now: a name that is written until the reply comes stays.
+    this.name.value = "";
     await attempt(async () => {
-      const { messages } = await this.link.order("save_pose", { name, replace, robots: this.robots.value ? [this.robots.value] : null });
-      this.name.value = "";
+      const sent = this.link.order("save_pose", { name, replace, robots: this.robots.value ? [this.robots.value] : null });
+      const { messages } = await sent.catch((error) => {
+        this.name.value ||= name;
+        throw error;
+      });
       toast([`Saved ${name}.`, ...messages].join("\n"));
     });
   }
