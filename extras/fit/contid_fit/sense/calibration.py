@@ -188,7 +188,8 @@ class LoadCalibration:
         by_parameters = _by_parameters(self.model, self._varied, corrected, load_n)
         columns = np.hstack([by_axes, by_parameters])
         crept = self.creep.sigma * decades * by_parameters[:, : self.family.moduli].sum(axis=1)
-        spread: Array = _spread(jacobian, self.axis_sigma, self.tip_sigma_m) + np.outer(crept, crept)
+        spread: Array = _spread(jacobian @ jacobian.T, self.axis_sigma, self.tip_sigma_m)
+        spread += np.outer(crept, crept)
         loops = self.correction[2 * len(side) :]
         spread += columns @ self.covariance @ columns.T + _by_unknown(jacobian, np.array(side), loops)
         return spread
@@ -255,18 +256,19 @@ def calibrate_without_load(
         jacobians = np.array([model.jacobian(q) for q in used])
         loops = correction[2 * axes :]
         unknown = np.array([_by_unknown(J, on, loops) for J, on in zip(jacobians, sides, strict=True)])
-        by_axes = jacobians @ jacobians.transpose(0, 2, 1)
+        products = jacobians @ jacobians.transpose(0, 2, 1)
         # Most likely spread of the errors under the corrections so far.
         axis_sigma, tip_sigma = max(
             ((float(a), float(t)) for a in axis_sigmas for t in tip_sigmas),
-            key=lambda pair: _log_likelihood(errors, by_axes, unknown, *pair),
+            key=lambda pair: _log_likelihood(errors, products, unknown, *pair),
         )
         information, right = prior.copy(), -prior @ np.concatenate([correction, scales])
         for q, side, by_parameters, error, jacobian, of_sides in zip(
             actuations, sides, slopes, errors, jacobians, unknown, strict=True
         ):
             columns = np.hstack([jacobian @ _design(q, side, middle), by_parameters])
-            weighted = columns.T @ np.linalg.inv(_spread(jacobian, axis_sigma, tip_sigma) + of_sides)
+            spread = _spread(jacobian @ jacobian.T, axis_sigma, tip_sigma) + of_sides
+            weighted = columns.T @ np.linalg.inv(spread)
             information += weighted @ columns
             right += weighted @ error
         step = np.linalg.solve(information, right)
@@ -327,15 +329,19 @@ def _by_parameters(model: CompliantModel, varied: _Varied, corrected: Actuation,
     return np.array(moved).reshape(-1, 3).T / varied.steps
 
 
-def _spread(jacobian: Array, axis_sigma: float, tip_sigma_m: float) -> Array:
-    spread: Array = axis_sigma**2 * jacobian @ jacobian.T + tip_sigma_m**2 * np.eye(3)
+def _spread(products: Array, axis_sigma: float, tip_sigma_m: float) -> Array:
+    """Covariance of tips by errors of axes and tracker, ``(..., 3, 3)`` [m^2].
+
+    ``products`` are those of Jacobians with their transposes, of the same shape.
+    """
+    spread: Array = axis_sigma**2 * products + tip_sigma_m**2 * np.eye(3)
     return spread
 
 
 def _log_likelihood(
-    errors: Array, by_axes: Array, unknown: Array, axis_sigma: float, tip_sigma_m: float
+    errors: Array, products: Array, unknown: Array, axis_sigma: float, tip_sigma_m: float
 ) -> float:
-    spreads = axis_sigma**2 * by_axes + tip_sigma_m**2 * np.eye(3) + unknown
+    spreads = _spread(products, axis_sigma, tip_sigma_m) + unknown
     solved = np.linalg.solve(spreads, errors[:, :, None])[:, :, 0]
     return float(-0.5 * (np.linalg.slogdet(spreads)[1].sum() + (errors * solved).sum()))
 
